@@ -1,0 +1,180 @@
+//! What a baked file holds, as plain arrays.
+
+use bytemuck::{Pod, Zeroable};
+use half::f16;
+use serde::{Deserialize, Serialize};
+
+/// A radiance probe as stored.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Probe {
+    /// World position, metres.
+    pub position: [f32; 3],
+    /// Support radius, metres.
+    pub support_radius_m: f32,
+}
+
+/// One cluster of receivers: where its lists and matrices lie. All counts and offsets are in elements of their arrays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ClusterRecord {
+    /// First receiver; receivers of a cluster follow each other.
+    pub first_receiver: u32,
+    /// Number of receivers, at least 1.
+    pub n_receivers: u32,
+    /// First entry of `cluster_probes`.
+    pub first_probe: u32,
+    /// Number of supporting probes; their ids rise.
+    pub n_probes: u32,
+    /// Sky columns after the probe columns: 0, or `(sky_degree + 1)^2`.
+    pub n_sky: u32,
+    /// Number of kept singular values n_c; 0 for a cluster that sees nothing.
+    pub n_coefficients: u32,
+    /// First of its cluster lights: the sum of `n_coefficients` before it.
+    pub first_light: u32,
+    /// Start of `S V^T` in `projection`, in pairs of f16. Rows of `n_probes * n_sh + n_sky` columns; row-major; the
+    /// whole block is padded with a zero to an even number of values.
+    pub projection_pair: u32,
+    /// Start of `U` in `reconstruction`, in pairs of f16. `n_receivers * n_k` rows of `n_coefficients`, row-major,
+    /// receiver by receiver; padded likewise.
+    pub reconstruction_pair: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// A relight ray's level for rays that leave the scene: they read the sky.
+pub const LEVEL_SKY: u8 = 254;
+/// A relight ray's level for rays that hit something without light: the back of a one-sided surface, or a surface
+/// without lightmap.
+pub const LEVEL_BLACK: u8 = 255;
+/// Highest mip level a relight ray may ask for.
+pub const MAX_LEVEL: u8 = 15;
+
+/// Facts about the bake: small, readable by `info`, stored as the metadata section.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metadata {
+    /// Version of the program that wrote the file.
+    pub tool_version: String,
+    /// Path of the scene that carries the lightmap coordinates, relative to the file, with `/`.
+    pub scene_path: String,
+    /// BLAKE3 of that scene (`Scene::hash`).
+    pub scene_hash: [u8; 32],
+    /// Receiver map, texels per side.
+    pub lightmap_size: u32,
+    /// Direct light map, texels per side; same layout.
+    pub direct_size: u32,
+    /// SH degree of the probes.
+    pub probe_degree: u32,
+    /// SH degree of the receivers: 0 is irradiance.
+    pub receiver_degree: u32,
+    /// SH degree of the sky columns.
+    pub sky_degree: u32,
+    /// Relight rays per probe.
+    pub n_rays: u32,
+    /// Scene box, metres.
+    pub bounds: [[f32; 3]; 2],
+    /// All options of the bake, as the TOML text that `--config` takes.
+    pub options: String,
+}
+
+impl Metadata {
+    /// SH functions per probe.
+    pub fn n_sh(&self) -> usize {
+        crate::sh::function_count(self.probe_degree)
+    }
+    /// Outputs per receiver.
+    pub fn n_k(&self) -> usize {
+        crate::sh::function_count(self.receiver_degree)
+    }
+    /// SH functions of the sky.
+    pub fn n_sky(&self) -> usize {
+        crate::sh::function_count(self.sky_degree)
+    }
+}
+
+/// Everything a baked file holds, owned: what [`crate::write`] takes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BakedArrays {
+    /// Facts.
+    pub metadata: Metadata,
+    /// `[n_probes]`.
+    pub probes: Vec<Probe>,
+    /// `[n_rays]` unit relight directions, shared by all probes; w is 0.
+    pub ray_dirs: Vec<[f32; 4]>,
+    /// `[n_rays][n_sh]` SH values times `4 pi / n_rays`.
+    pub ray_sh: Vec<f32>,
+    /// `[n_probes][n_rays]` position in the direct light map, two unorm16: u low, v high.
+    pub ray_uv: Vec<u32>,
+    /// `[n_probes][n_rays]` mip level 0..=15, [`LEVEL_SKY`] or [`LEVEL_BLACK`].
+    pub ray_level: Vec<u8>,
+    /// `[n_receivers]` texel of the receiver map: `y * lightmap_size + x`, row 0 at v = 0.
+    pub receiver_texel: Vec<u32>,
+    /// `[n_receivers]` world position, metres.
+    pub receiver_position: Vec<[f32; 3]>,
+    /// `[n_receivers]` unit shading normal.
+    pub receiver_normal: Vec<[f32; 3]>,
+    /// `[n_receivers]` cosine-weighted share of directions whose surface no supporting probe sees, 0..=1.
+    pub receiver_unseen: Vec<f32>,
+    /// `[n_clusters]`.
+    pub clusters: Vec<ClusterRecord>,
+    /// Supporting probes of all clusters, cluster by cluster.
+    pub cluster_probes: Vec<u32>,
+    /// `S V^T` of all clusters.
+    pub projection: Vec<f16>,
+    /// `U` of all clusters.
+    pub reconstruction: Vec<f16>,
+    /// Gutter fill: `[texel, receiver]`, a texel without receiver and the receiver whose value it takes.
+    pub gutters: Vec<[u32; 2]>,
+    /// Pairs of receivers that lie on both sides of a chart seam at the same place.
+    pub seams: Vec<[u32; 2]>,
+    /// The bake report without times, JSON; may be empty.
+    pub report: String,
+}
+
+/// Borrowed view of the same arrays, from a [`BakedArrays`] or from a mapped file; fields as there.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub struct BakedView<'a> {
+    pub metadata: &'a Metadata,
+    pub probes: &'a [Probe],
+    pub ray_dirs: &'a [[f32; 4]],
+    pub ray_sh: &'a [f32],
+    pub ray_uv: &'a [u32],
+    pub ray_level: &'a [u8],
+    pub receiver_texel: &'a [u32],
+    pub receiver_position: &'a [[f32; 3]],
+    pub receiver_normal: &'a [[f32; 3]],
+    pub receiver_unseen: &'a [f32],
+    pub clusters: &'a [ClusterRecord],
+    pub cluster_probes: &'a [u32],
+    pub projection: &'a [f16],
+    pub reconstruction: &'a [f16],
+    pub gutters: &'a [[u32; 2]],
+    pub seams: &'a [[u32; 2]],
+    pub report: &'a str,
+}
+
+impl BakedArrays {
+    /// The same arrays, borrowed.
+    pub fn view(&self) -> BakedView<'_> {
+        BakedView {
+            metadata: &self.metadata,
+            probes: &self.probes,
+            ray_dirs: &self.ray_dirs,
+            ray_sh: &self.ray_sh,
+            ray_uv: &self.ray_uv,
+            ray_level: &self.ray_level,
+            receiver_texel: &self.receiver_texel,
+            receiver_position: &self.receiver_position,
+            receiver_normal: &self.receiver_normal,
+            receiver_unseen: &self.receiver_unseen,
+            clusters: &self.clusters,
+            cluster_probes: &self.cluster_probes,
+            projection: &self.projection,
+            reconstruction: &self.reconstruction,
+            gutters: &self.gutters,
+            seams: &self.seams,
+            report: &self.report,
+        }
+    }
+}

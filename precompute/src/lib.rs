@@ -1,0 +1,7 @@
+//! Bakes local-reconstruction precomputed radiance transfer (Silvennoinen and Lehtinen 2017).
+
+pub mod lightmap;
+pub mod probes;
+pub mod rays;
+pub mod settings;
+pub mod voxels;

@@ -1,0 +1,98 @@
+//! From a scene to lightmap texels and receivers.
+//!
+//! [`sides`] gives each live side of double-sided surfaces a face of its own; [`unwrap`] gives every face lightmap
+//! coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
+//! size with them; [`receivers`] turns covered texels into receivers.
+
+use glam::{Vec2, Vec3};
+use localprt_scenes::{FaceId, Scene};
+
+/// The lightmap layout of a scene: one for the receiver map and the direct light map.
+#[derive(Clone, Debug, Default)]
+pub struct Atlas {
+    /// `[n_faces]` corner coordinates in 0..=1, in `FaceId` order; row 0 of a map is at v = 0.
+    pub corners: Vec<[Vec2; 3]>,
+    /// `[n_faces]` chart of each face: faces joined by edges that are joined in uv.
+    pub chart: Vec<u32>,
+    /// Number of charts.
+    pub n_charts: u32,
+}
+
+/// A texel of a map that a face covers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Texel {
+    /// `y * size + x`.
+    pub index: u32,
+    /// The face that covers the sample point (the texel centre, or the nearest covered point of the texel).
+    pub face: FaceId,
+    /// Its mesh.
+    pub mesh: u32,
+    /// Its triangle within the mesh.
+    pub triangle: u32,
+    /// Where on the face.
+    pub barycentrics: Vec3,
+    /// Chart of the face.
+    pub chart: u32,
+}
+
+/// All covered texels of a map, by rising index.
+#[derive(Clone, Debug, Default)]
+pub struct TexelMap {
+    /// Texels per side.
+    pub size: u32,
+    /// Covered texels.
+    pub texels: Vec<Texel>,
+}
+
+/// Receivers: surface points that get indirect light. Arrays of equal length.
+#[derive(Clone, Debug, Default)]
+pub struct ReceiverSet {
+    /// Texels per side of the receiver map.
+    pub size: u32,
+    /// Texel index of each.
+    pub texel: Vec<u32>,
+    /// World position, metres.
+    pub position: Vec<Vec3>,
+    /// Unit shading normal.
+    pub normal: Vec<Vec3>,
+    /// Unit geometric normal.
+    pub geometric_normal: Vec<Vec3>,
+    /// Chart of each.
+    pub chart: Vec<u32>,
+    /// Texels covered by a face whose every sample point is inside or behind geometry.
+    pub invalid: Vec<u32>,
+    /// Points moved out of the way of near geometry.
+    pub pushed: usize,
+    /// `(texel, receiver)`: texels without a receiver that bilinear taps of their chart touch (at least two texels
+    /// around every chart), and invalid texels, with the nearest receiver of the same chart. By rising texel.
+    pub gutters: Vec<(u32, u32)>,
+    /// Receiver pairs on the two sides of a chart seam at the same place; smaller index first, sorted, unique.
+    pub seams: Vec<(u32, u32)>,
+}
+
+impl ReceiverSet {
+    /// Number of receivers.
+    pub fn len(&self) -> usize {
+        self.texel.len()
+    }
+
+    /// True if there is none.
+    pub fn is_empty(&self) -> bool {
+        self.texel.is_empty()
+    }
+}
+
+/// How a scene came by its layout.
+#[derive(Clone, Debug, Default)]
+pub struct LayoutReport {
+    /// The scene's own TEXCOORD_1 was kept.
+    pub kept: bool,
+    /// Why it was not, in words.
+    pub reason: Option<String>,
+    /// Faces added for the back sides of double-sided surfaces.
+    pub back_faces: usize,
+    /// Receiver map size that the layout is meant for.
+    pub size: u32,
+    /// Charts.
+    pub charts: u32,
+}

@@ -1,0 +1,251 @@
+//! Watertight closest-hit and visibility queries; the only file that names obvhs.
+//!
+//! obvhs supplies the tree and its traversal. Its own triangle tests leak at shared edges, so triangles are tested here
+//! after Woop, Benthin and Wald 2013 (edge functions in f32, again in f64 where one vanishes), over boxes padded by
+//! [`BOX_PADDING`] times the largest coordinate, because a watertight triangle test is lost in a box that the ray
+//! misses by rounding.
+
+use glam::{Vec3, Vec3A};
+use obvhs::{
+    Boundable, BvhBuildParams,
+    aabb::Aabb,
+    cwbvh::{CwBvh, builder::build_cwbvh},
+    ray::{Ray, RayHit},
+};
+use std::time::Duration;
+
+/// Boxes grow by this times (largest absolute coordinate + 1) on every side: a few f32 roundings.
+const BOX_PADDING: f32 = 1e-6;
+/// The traversal of the eight-wide tree has a stack of 32 groups.
+const MAX_DEPTH: usize = 30;
+
+/// A triangle as the tree stores it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StoredTriangle {
+    corners: [Vec3; 3],
+    /// Index given at the build.
+    pub index: u32,
+    /// Whether hits must be confirmed by the caller (alpha masks).
+    pub masked: bool,
+}
+
+/// A hit on a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangleHit {
+    /// Distance along the unit ray direction.
+    pub t: f32,
+    /// Index of the triangle as given at the build.
+    pub triangle: u32,
+    /// Weights of the three corners, summing to 1.
+    pub barycentrics: Vec3,
+    /// The ray met the counter-clockwise side.
+    pub front: bool,
+}
+
+/// Why a tree could not be built.
+#[derive(Debug, thiserror::Error)]
+pub enum TreeError {
+    /// The tree is too deep for its traversal stack; only geometry whose sizes span tens of orders of magnitude does it.
+    #[error(
+        "triangle sizes span too many orders of magnitude: the ray tree is {depth} levels deep, at most {MAX_DEPTH} can be traversed"
+    )]
+    TooDeep {
+        /// Levels found.
+        depth: usize,
+    },
+}
+
+/// A bounding volume hierarchy over triangles.
+pub(super) struct Tree {
+    bvh: CwBvh,
+    /// In tree order, so that a leaf's triangles lie together.
+    triangles: Vec<StoredTriangle>,
+}
+
+struct PaddedBox(Aabb);
+
+impl Boundable for PaddedBox {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+impl Tree {
+    /// Builds over finite triangles; `masked[i]` asks for confirmation of hits on triangle i.
+    pub(super) fn build(triangles: &[[Vec3; 3]], masked: &[bool]) -> Result<Self, TreeError> {
+        let largest =
+            triangles.iter().flatten().fold(0.0f32, |largest, corner| largest.max(corner.abs().max_element()));
+        let padding = Vec3A::splat(BOX_PADDING * (largest + 1.0).min(f32::MAX / 4.0));
+        let boxes: Vec<PaddedBox> = triangles
+            .iter()
+            .map(|[a, b, c]| {
+                PaddedBox(Aabb::new(Vec3A::from(a.min(*b).min(*c)) - padding, Vec3A::from(a.max(*b).max(*c)) + padding))
+            })
+            .collect();
+        if boxes.is_empty() {
+            return Ok(Self { bvh: CwBvh::default(), triangles: Vec::new() });
+        }
+        let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let depth = depth(&bvh);
+        if depth > MAX_DEPTH {
+            return Err(TreeError::TooDeep { depth });
+        }
+        let triangles = bvh
+            .primitive_indices
+            .iter()
+            .map(|&index| StoredTriangle { corners: triangles[index as usize], index, masked: masked[index as usize] })
+            .collect();
+        Ok(Self { bvh, triangles })
+    }
+
+    /// Nearest hit with `0 < t < t_max` that `confirm` accepts (asked for masked triangles only).
+    pub(super) fn closest_hit(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        confirm: impl Fn(&TriangleHit) -> bool,
+    ) -> Option<TriangleHit> {
+        if self.triangles.is_empty() {
+            return None;
+        }
+        let shear = Shear::new(origin, dir);
+        let mut nearest: Option<TriangleHit> = None;
+        let mut tree_hit = RayHit::none();
+        self.bvh.ray_traverse(Ray::new(origin.into(), dir.into(), 0.0, t_max), &mut tree_hit, |ray, id| {
+            let triangle = &self.triangles[id];
+            match shear.intersect(triangle, ray.tmax) {
+                Some(hit) if !triangle.masked || confirm(&hit) => {
+                    // Equal distances: the smaller index, so that the answer does not depend on the tree.
+                    if nearest.is_none_or(|held| (hit.t, hit.triangle) < (held.t, held.triangle)) {
+                        nearest = Some(hit);
+                    }
+                    hit.t
+                }
+                _ => f32::INFINITY,
+            }
+        });
+        nearest
+    }
+
+    /// Whether nothing that `confirm` accepts lies strictly between 0 and `t_max`.
+    pub(super) fn is_clear(&self, origin: Vec3, dir: Vec3, t_max: f32, confirm: impl Fn(&TriangleHit) -> bool) -> bool {
+        if self.triangles.is_empty() {
+            return true;
+        }
+        let shear = Shear::new(origin, dir);
+        self.bvh.ray_traverse_miss(Ray::new(origin.into(), dir.into(), 0.0, t_max), |ray, id| {
+            let triangle = &self.triangles[id];
+            match shear.intersect(triangle, ray.tmax) {
+                Some(hit) if !triangle.masked || confirm(&hit) => hit.t,
+                _ => f32::INFINITY,
+            }
+        })
+    }
+}
+
+/// Levels of the tree, by walking it.
+fn depth(bvh: &CwBvh) -> usize {
+    let mut deepest = 0;
+    let mut open = vec![(0usize, 1usize)];
+    while let Some((node, level)) = open.pop() {
+        deepest = deepest.max(level);
+        let node = &bvh.nodes[node];
+        for child in 0..node.imask.count_ones() {
+            open.push((node.child_base_idx as usize + child as usize, level + 1));
+        }
+    }
+    deepest
+}
+
+/// Per-ray constants of the watertight test: axes so that the ray's largest component is z, and the shear that turns it
+/// into the z axis.
+struct Shear {
+    origin: Vec3,
+    axes: [usize; 3],
+    shear: [f32; 3],
+}
+
+impl Shear {
+    fn new(origin: Vec3, dir: Vec3) -> Self {
+        let size = dir.abs();
+        let z = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        if dir[z] < 0.0 {
+            std::mem::swap(&mut x, &mut y);
+        }
+        Self { origin, axes: [x, y, z], shear: [dir[x] / dir[z], dir[y] / dir[z], 1.0 / dir[z]] }
+    }
+
+    /// Hit with `0 < t < t_max`, from either side.
+    #[inline]
+    fn intersect(&self, triangle: &StoredTriangle, t_max: f32) -> Option<TriangleHit> {
+        let [x, y, z] = self.axes;
+        let [shear_x, shear_y, shear_z] = self.shear;
+        let a = triangle.corners[0] - self.origin;
+        let b = triangle.corners[1] - self.origin;
+        let c = triangle.corners[2] - self.origin;
+        let (ax, ay) = (a[x] - shear_x * a[z], a[y] - shear_y * a[z]);
+        let (bx, by) = (b[x] - shear_x * b[z], b[y] - shear_y * b[z]);
+        let (cx, cy) = (c[x] - shear_x * c[z], c[y] - shear_y * c[z]);
+        let mut u = cx * by - cy * bx;
+        let mut v = ax * cy - ay * cx;
+        let mut w = bx * ay - by * ax;
+        if u == 0.0 || v == 0.0 || w == 0.0 {
+            let product = |a: f32, b: f32| f64::from(a) * f64::from(b);
+            u = (product(cx, by) - product(cy, bx)) as f32;
+            v = (product(ax, cy) - product(ay, cx)) as f32;
+            w = (product(bx, ay) - product(by, ax)) as f32;
+        }
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let determinant = u + v + w;
+        if determinant == 0.0 {
+            return None;
+        }
+        let distance = (u * a[z] + v * b[z] + w * c[z]) * shear_z;
+        let t = distance / determinant;
+        if !(t > 0.0 && t < t_max) {
+            return None;
+        }
+        let inverse = 1.0 / determinant;
+        Some(TriangleHit {
+            t,
+            triangle: triangle.index,
+            barycentrics: Vec3::new(u * inverse, v * inverse, w * inverse),
+            front: determinant > 0.0,
+        })
+    }
+}
+
+/// Brute-force closest hit in f64 (Möller-Trumbore), the reference for tests.
+#[cfg(test)]
+pub(super) fn brute_force(triangles: &[[Vec3; 3]], origin: Vec3, dir: Vec3) -> Option<(f64, usize)> {
+    let (origin, dir) = (origin.as_dvec3(), dir.as_dvec3());
+    let mut nearest: Option<(f64, usize)> = None;
+    for (index, corners) in triangles.iter().enumerate() {
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let (e1, e2) = (b - a, c - a);
+        let p = dir.cross(e2);
+        let determinant = e1.dot(p);
+        if determinant == 0.0 {
+            continue;
+        }
+        let s = origin - a;
+        let u = s.dot(p) / determinant;
+        let q = s.cross(e1);
+        let v = dir.dot(q) / determinant;
+        let t = e2.dot(q) / determinant;
+        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && nearest.is_none_or(|(held, _)| t < held) {
+            nearest = Some((t, index));
+        }
+    }
+    nearest
+}

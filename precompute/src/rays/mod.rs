@@ -1,0 +1,184 @@
+//! Ray queries against a scene: the ray-cast operator Γ ([`RayCaster::closest_hit`]) and visibility V
+//! ([`RayCaster::visible`]) of the paper's section 3.2, with alpha masks honoured in both.
+//!
+//! A geometric triangle has two sides. Each side is a face of the scene that receives and sends light, or nothing: the
+//! back of a one-sided surface still blocks, and is black. A double-sided face without a twin of opposite winding
+//! serves both sides.
+
+mod bvh;
+
+pub use bvh::{TreeError, TriangleHit};
+
+use glam::Vec3;
+use localprt_scenes::{AlphaMode, FaceId, Scene};
+use std::collections::BTreeMap;
+
+/// Ray offsets are this times (largest absolute coordinate + box diagonal): about a hundred f32 roundings of a position.
+const OFFSET: f32 = 2e-6;
+
+/// Ray queries against one scene.
+pub struct RayCaster<'a> {
+    scene: &'a Scene,
+    tree: bvh::Tree,
+    /// Corner positions of each geometric triangle.
+    corners: Vec<[Vec3; 3]>,
+    /// `[front, back]` of each geometric triangle.
+    sides: Vec<[Option<Side>; 2]>,
+    offset_m: f32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    face: FaceId,
+    mesh: u32,
+    triangle: u32,
+    /// Corner k of the face is corner `order[k]` of the geometric triangle.
+    order: [u8; 3],
+    /// The face's front looks the other way: a double-sided face seen from behind.
+    shared: bool,
+}
+
+/// A point of a face of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FacePoint {
+    /// The face.
+    pub face: FaceId,
+    /// Its mesh.
+    pub mesh: usize,
+    /// Its triangle within the mesh.
+    pub triangle: usize,
+    /// Weights of the face's corners.
+    pub barycentrics: Vec3,
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceHit {
+    /// Distance along the unit direction.
+    pub t: f32,
+    /// World position, from the barycentrics.
+    pub position: Vec3,
+    /// Unit geometric normal on the side the ray came from.
+    pub normal: Vec3,
+    /// The face on that side; `None` for the black back of a one-sided surface.
+    pub point: Option<FacePoint>,
+}
+
+impl<'a> RayCaster<'a> {
+    /// Builds the tree. Exact duplicates (same three corners in any order) become one geometric triangle.
+    pub fn new(scene: &'a Scene) -> Result<Self, TreeError> {
+        let mut corners: Vec<[Vec3; 3]> = Vec::new();
+        let mut sides: Vec<[Option<Side>; 2]> = Vec::new();
+        let mut masked: Vec<bool> = Vec::new();
+        let mut known: BTreeMap<[[u32; 3]; 3], usize> = BTreeMap::new();
+        for (face, (mesh, triangle)) in scene.faces().enumerate() {
+            let positions = scene.corners(mesh, triangle);
+            let bits = positions.map(|corner| corner.to_array().map(|value| (value + 0.0).to_bits()));
+            let mut key = bits;
+            key.sort_unstable();
+            let index = *known.entry(key).or_insert_with(|| {
+                corners.push(positions);
+                sides.push([None, None]);
+                masked.push(false);
+                corners.len() - 1
+            });
+            let held = corners[index].map(|corner| corner.to_array().map(|value| (value + 0.0).to_bits()));
+            let order = bits.map(|bits| held.iter().position(|&held| held == bits).unwrap_or(0) as u8);
+            let opposite = (order[1] + 3 - order[0]) % 3 != 1;
+            let material = &scene.materials[scene.meshes[mesh].material];
+            masked[index] |= material.alpha != AlphaMode::Opaque;
+            let side =
+                Side { face: FaceId(face as u32), mesh: mesh as u32, triangle: triangle as u32, order, shared: false };
+            let own = &mut sides[index][usize::from(opposite)];
+            if own.is_none_or(|held| held.shared) {
+                *own = Some(side);
+            }
+            if material.double_sided {
+                sides[index][usize::from(!opposite)].get_or_insert(Side { shared: true, ..side });
+            }
+        }
+        let tree = bvh::Tree::build(&corners, &masked)?;
+        let largest = scene.bounds().map_or(0.0, |(low, high)| low.abs().max(high.abs()).max_element());
+        let offset_m = OFFSET * (largest + scene.extent());
+        Ok(Self { scene, tree, corners, sides, offset_m })
+    }
+
+    /// The scene the rays meet.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// Distance by which ray origins leave a surface, metres.
+    pub fn offset_m(&self) -> f32 {
+        self.offset_m
+    }
+
+    /// Number of geometric triangles after merging duplicates.
+    pub fn triangle_count(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// The surface point Γ(origin, dir); `dir` is unit length. `None` where the ray leaves the scene.
+    pub fn closest_hit(&self, origin: Vec3, dir: Vec3) -> Option<SurfaceHit> {
+        let hit = self.tree.closest_hit(origin, dir, f32::INFINITY, |hit| self.is_present(hit))?;
+        Some(self.surface(&hit))
+    }
+
+    /// Whether the straight line between two points is free. Both should be off the surfaces they belong to by
+    /// [`RayCaster::offset_m`] along the normal.
+    pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
+        let way = to - from;
+        let distance = way.length();
+        if distance <= 0.0 {
+            return true;
+        }
+        self.tree.is_clear(from, way / distance, distance, |hit| self.is_present(hit))
+    }
+
+    /// Whether a ray to infinity is free.
+    pub fn escapes(&self, origin: Vec3, dir: Vec3) -> bool {
+        self.tree.is_clear(origin, dir, f32::INFINITY, |hit| self.is_present(hit))
+    }
+
+    fn surface(&self, hit: &TriangleHit) -> SurfaceHit {
+        let [a, b, c] = self.corners[hit.triangle as usize];
+        let weights = hit.barycentrics;
+        let (a64, b64, c64) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+        let normal = (b64 - a64).cross(c64 - a64).normalize_or_zero().as_vec3();
+        SurfaceHit {
+            t: hit.t,
+            position: a * weights.x + b * weights.y + c * weights.z,
+            normal: if hit.front { normal } else { -normal },
+            point: self.sides[hit.triangle as usize][usize::from(!hit.front)].map(|side| side.point(weights)),
+        }
+    }
+
+    fn is_present(&self, hit: &TriangleHit) -> bool {
+        let [front, back] = self.sides[hit.triangle as usize];
+        let side = if hit.front { front.or(back) } else { back.or(front) };
+        side.is_none_or(|side| {
+            let point = side.point(hit.barycentrics);
+            self.scene.is_present(point.mesh, point.triangle, point.barycentrics)
+        })
+    }
+}
+
+impl Side {
+    fn point(&self, weights: Vec3) -> FacePoint {
+        let barycentrics = Vec3::from(self.order.map(|corner| weights[usize::from(corner)]));
+        FacePoint { face: self.face, mesh: self.mesh as usize, triangle: self.triangle as usize, barycentrics }
+    }
+}
+
+/// An orthonormal frame about a unit normal: `(tangent, bitangent)`. Continuous except at z = 0 crossing the sign.
+///
+/// Source: Duff et al. 2017, Building an Orthonormal Basis, Revisited.
+pub fn frame(normal: Vec3) -> (Vec3, Vec3) {
+    let sign = 1.0f32.copysign(normal.z);
+    let a = -1.0 / (sign + normal.z);
+    let b = normal.x * normal.y * a;
+    (
+        Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
+        Vec3::new(b, sign + normal.y * normal.y * a, -normal.y),
+    )
+}

@@ -1,0 +1,96 @@
+//! Options of a bake: unit, range, default and source of each.
+
+use serde::{Deserialize, Serialize};
+
+/// All options of a bake; the keys of a `--config` file and, with dashes, the flags of `precompute bake`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BakeSettings {
+    /// Probe spacing rho in metres; absent: from the scene box, for about 150 probes (SL17 4.1, value unstated).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing: Option<f32>,
+    /// Probe count; absent: points of a regular grid of that spacing over the scene box (SL17 4.1).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probes: Option<u32>,
+    /// Voxel size in metres; absent: spacing / 6, larger where the grid would exceed its memory cap.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel: Option<f32>,
+    /// Points known to be inside the space to light, metres; absent: found by rays.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub interior: Vec<[f32; 3]>,
+    /// Probes whose support holds a receiver, mean (SL17 4.1).
+    pub overlap: f32,
+    /// The same, least for every receiver.
+    pub min_overlap: u32,
+    /// Most probes the coverage repair may add, as a share of the probe count.
+    pub repair: f32,
+    /// SH degree of the probes, 0..=10 (SL17 5).
+    pub probe_degree: u32,
+    /// SH degree of the receivers: 0 irradiance, 1 for normal maps (SL17 5.1).
+    pub receiver_degree: u32,
+    /// SH degree of the sky columns, 0..=10.
+    pub sky_degree: u32,
+    /// Receiver map, texels per side; ignored with `texel`.
+    pub lightmap: u32,
+    /// Metres per texel of the receiver map instead of its size.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texel: Option<f32>,
+    /// Direct light map, texels per side (SL17 5).
+    pub direct_map: u32,
+    /// Gather rays per receiver (SL17: unstated).
+    pub gather_rays: u32,
+    /// Relight rays per probe (SL17 4.2).
+    pub relight_rays: u32,
+    /// A leaf of the receiver tree holds fewer receivers than this (SL17 4.1).
+    pub leaf: u32,
+    /// Largest RMS error per receiver of a cluster's transport rows (SL17 4.1).
+    pub threshold: f32,
+    /// Most singular values kept per cluster (SL17 4.1).
+    pub coefficients: u32,
+    /// Unwrap backend where the scene has no usable TEXCOORD_1.
+    pub unwrap: UnwrapBackend,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// The bake fails (exit code 7) when the mean unseen share exceeds this, 0..=1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_unseen: Option<f32>,
+}
+
+/// Who makes lightmap coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UnwrapBackend {
+    /// The uvunwrap crate: pure Rust, deterministic.
+    #[default]
+    Uvunwrap,
+    /// xatlas, in a child process; needs the build feature `xatlas`.
+    Xatlas,
+}
+
+impl Default for BakeSettings {
+    fn default() -> Self {
+        Self {
+            spacing: None,
+            probes: None,
+            voxel: None,
+            interior: Vec::new(),
+            overlap: 10.0,
+            min_overlap: 3,
+            repair: 0.1,
+            probe_degree: 7,
+            receiver_degree: 0,
+            sky_degree: 4,
+            lightmap: 1024,
+            texel: None,
+            direct_map: 2048,
+            gather_rays: 1024,
+            relight_rays: 8000,
+            leaf: 1024,
+            threshold: 0.005,
+            coefficients: 32,
+            unwrap: UnwrapBackend::Uvunwrap,
+            seed: 0,
+            max_unseen: None,
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! Scenes and lighting for localprt.
+//!
+//! In: a glTF 2.0 file ([`load`]) or a built-in scene ([`builtin`]). Out: a [`Scene`], flattened to world space, in
+//! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
+//! overrides.
+
+pub mod lighting;
+pub mod scene;
+
+pub use lighting::{Light, LightKind, Lighting, MaterialOverride, Sky};
+pub use scene::{AlphaMode, Camera, FaceId, Image, Material, Mesh, Scene, Texture, TextureRef, Wrap};

@@ -1,0 +1,93 @@
+//! What shines: punctual lights, sky, material overrides.
+
+use glam::Vec3;
+use std::collections::BTreeMap;
+
+/// One lighting state. Colours are linear Rec. 709.
+#[derive(Clone, Debug, Default)]
+pub struct Lighting {
+    /// Punctual lights.
+    pub lights: Vec<Light>,
+    /// Radiance arriving where rays leave the scene.
+    pub sky: Sky,
+    /// Overrides by material name; each replaces factor and texture.
+    pub materials: BTreeMap<String, MaterialOverride>,
+    /// One albedo for every surface, to look at lighting only.
+    pub albedo_override: Option<f32>,
+}
+
+/// A punctual light as in KHR_lights_punctual.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Name for messages.
+    pub name: String,
+    /// Type with its own parameters.
+    pub kind: LightKind,
+    /// World position in metres (not used by directional lights).
+    pub position: Vec3,
+    /// Unit direction in which the light travels (not used by point lights).
+    pub direction: Vec3,
+    /// Linear colour.
+    pub color: Vec3,
+    /// Candela for point and spot, lux for directional.
+    pub intensity: f32,
+    /// Distance in metres at which the light is cut off; `None` is infinite.
+    pub range: Option<f32>,
+}
+
+/// Type of a punctual light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Shines everywhere alike.
+    Point,
+    /// A cone; half angles in radians.
+    Spot {
+        /// Full intensity inside.
+        inner_cone: f32,
+        /// None outside.
+        outer_cone: f32,
+    },
+    /// Parallel light.
+    Directional,
+}
+
+/// Radiance from outside of the scene.
+#[derive(Clone, Debug, Default)]
+pub enum Sky {
+    /// No light.
+    #[default]
+    Black,
+    /// The same radiance from everywhere.
+    Constant(Vec3),
+    /// mix(horizon, zenith, y) for y >= 0 and mix(horizon, ground, -y) below.
+    Gradient {
+        /// At y = 1.
+        zenith: Vec3,
+        /// At y = 0.
+        horizon: Vec3,
+        /// At y = -1.
+        ground: Vec3,
+    },
+    /// A latitude-longitude image, +Y up, u = atan2(x, -z) / 2 pi growing to the right, v = 0 at the top.
+    Equirect {
+        /// Pixels per row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// `width * height` linear radiances, top row first.
+        pixels: Vec<Vec3>,
+        /// Factor on all pixels.
+        scale: f32,
+        /// Degrees about +Y.
+        rotation: f32,
+    },
+}
+
+/// Replaces a material's albedo or emission, factor and texture alike.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialOverride {
+    /// New albedo.
+    pub albedo: Option<Vec3>,
+    /// New emitted radiance.
+    pub emission: Option<Vec3>,
+}
