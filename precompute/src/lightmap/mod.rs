@@ -5,7 +5,7 @@
 //! size with them; [`receivers`] turns covered texels into receivers.
 
 use glam::{Vec2, Vec3};
-use localprt_scenes::{FaceId, Scene};
+use localprt_scenes::FaceId;
 
 /// The lightmap layout of a scene: one for the receiver map and the direct light map.
 #[derive(Clone, Debug, Default)]
