@@ -16,8 +16,8 @@ use std::time::Duration;
 
 /// Boxes grow by this times (largest absolute coordinate + 1) on every side: a few f32 roundings.
 const BOX_PADDING: f32 = 1e-6;
-/// The traversal of the eight-wide tree has a stack of 32 groups.
-const MAX_DEPTH: usize = 30;
+/// The traversal of the eight-wide tree has a stack of this many groups.
+const MAX_STACK: usize = 32;
 
 /// A triangle as the tree stores it.
 #[derive(Clone, Copy, Debug)]
@@ -47,10 +47,10 @@ pub struct TriangleHit {
 pub enum TreeError {
     /// The tree is too deep for its traversal stack; only geometry whose sizes span tens of orders of magnitude does it.
     #[error(
-        "triangle sizes span too many orders of magnitude: the ray tree is {depth} levels deep, at most {MAX_DEPTH} can be traversed"
+        "triangle sizes span too many orders of magnitude: the ray tree needs a stack of {depth} groups, at most {MAX_STACK} can be traversed"
     )]
     TooDeep {
-        /// Levels found.
+        /// Groups needed.
         depth: usize,
     },
 }
@@ -86,8 +86,8 @@ impl Tree {
             return Ok(Self { bvh: CwBvh::default(), triangles: Vec::new() });
         }
         let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
-        let depth = depth(&bvh);
-        if depth > MAX_DEPTH {
+        let depth = stack_need(&bvh);
+        if depth > MAX_STACK {
             return Err(TreeError::TooDeep { depth });
         }
         let triangles = bvh
@@ -144,18 +144,21 @@ impl Tree {
     }
 }
 
-/// Levels of the tree, by walking it.
-fn depth(bvh: &CwBvh) -> usize {
-    let mut deepest = 0;
-    let mut open = vec![(0usize, 1usize)];
-    while let Some((node, level)) = open.pop() {
-        deepest = deepest.max(level);
+/// Most groups that a traversal can have on its stack: the nodes on the way to a leaf that leave a second inner child
+/// behind.
+fn stack_need(bvh: &CwBvh) -> usize {
+    let mut most = 0;
+    let mut open = vec![(0usize, 0usize)];
+    while let Some((node, held)) = open.pop() {
         let node = &bvh.nodes[node];
-        for child in 0..node.imask.count_ones() {
-            open.push((node.child_base_idx as usize + child as usize, level + 1));
+        let inner = node.imask.count_ones();
+        let held = held + usize::from(inner > 1);
+        most = most.max(held);
+        for child in 0..inner {
+            open.push((node.child_base_idx as usize + child as usize, held));
         }
     }
-    deepest
+    most
 }
 
 /// Per-ray constants of the watertight test: axes so that the ray's largest component is z, and the shear that turns it

@@ -1,0 +1,196 @@
+//! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
+
+use super::{RayCounts, TransportScene};
+use crate::rays::frame;
+use glam::Vec3;
+use localprt_formats::{
+    sh::{self, Directions, LANES},
+    weight::weight_kernel,
+};
+
+/// Below this sum of weights a point counts as seen by no probe: only a guard of the division in Eq. (4).
+const LEAST_WEIGHT: f32 = 1e-6;
+
+/// Scratch memory of one thread, and the rows of the receiver worked on last.
+#[derive(Default)]
+pub(super) struct Workspace {
+    /// `[n_k]` rows.
+    pub outputs: Vec<OutputSums>,
+    weights: Vec<f32>,
+    visible: Vec<(u32, Vec3)>,
+    batches: Vec<Batch>,
+    sky: Batch,
+}
+
+/// One row of a receiver before it is spread over its leaf's columns.
+#[derive(Clone, Default)]
+pub(super) struct OutputSums {
+    /// `[n_supporting][n_sh]`.
+    pub probes: Vec<f32>,
+    /// `[n_sky]`.
+    pub sky: Vec<f32>,
+}
+
+/// Rays that wait until a full set of lanes can be evaluated together, and their sums.
+#[derive(Clone, Default)]
+struct Batch {
+    directions: Directions,
+    /// `[n_k]` lanes.
+    weights: Vec<[f32; LANES]>,
+    filled: usize,
+    /// `[n_k * n_functions]` lanes. A lane adds up at most an eighth of the rays in f32; lanes are joined in f64.
+    sums: Vec<[f32; LANES]>,
+}
+
+/// What a receiver's rays found beside its rows.
+pub(super) struct ReceiverFindings {
+    /// Cosine-weighted share of directions whose surface no supporting probe sees.
+    pub unseen: f32,
+    /// Rays traced.
+    pub rays: RayCounts,
+}
+
+/// Fills `workspace.outputs` with the rows of one receiver.
+pub(super) fn receiver_rows(
+    scene: &TransportScene<'_>,
+    receiver: usize,
+    workspace: &mut Workspace,
+) -> ReceiverFindings {
+    let caster = scene.caster;
+    let gather = scene.gather;
+    let n_k = gather.n_outputs();
+    let position = scene.receivers.position[receiver];
+    let geometric_normal = scene.receivers.geometric_normal[receiver];
+    // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
+    // surface can see.
+    let axis = if gather.receiver_degree() == 0 { scene.receivers.normal[receiver] } else { geometric_normal };
+    let (tangent, bitangent) = frame(axis);
+    let origin = position + geometric_normal * caster.offset_m();
+    let receiver_basis = sh::Basis::new(gather.receiver_degree());
+
+    let support = scene.support.of(receiver);
+    let radius = scene.support.radius_m[receiver];
+    let probes: Vec<(Vec3, f32)> = support
+        .iter()
+        .map(|&id| {
+            let probe = scene.probes.positions[id as usize];
+            (probe, weight_kernel(position.distance(probe) / radius))
+        })
+        .collect();
+
+    workspace.weights.resize(n_k, 0.0);
+    workspace.batches.resize_with(support.len(), Batch::default);
+    for batch in &mut workspace.batches {
+        batch.reset(n_k, scene.probe_basis.len());
+    }
+    workspace.sky.reset(n_k, scene.sky_basis.len());
+
+    let mut unseen = 0.0f64;
+    let mut rays = RayCounts::default();
+    for local in gather.directions() {
+        let dir = tangent * local.x + bitangent * local.y + axis * local.z;
+        if dir.dot(geometric_normal) <= 0.0 {
+            continue;
+        }
+        gather.weights(dir, &receiver_basis, &mut workspace.weights);
+        rays.gather += 1;
+        let Some(hit) = caster.closest_hit(origin, dir) else {
+            workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
+            continue;
+        };
+        if hit.point.is_none() {
+            // The back of a one-sided surface is black.
+            continue;
+        }
+        // V_i: the probe sees that side of that point.
+        let seen_point = hit.position + hit.normal * caster.offset_m();
+        workspace.visible.clear();
+        let mut sum = 0.0;
+        for (slot, &(probe, weight)) in probes.iter().enumerate() {
+            let way = probe - hit.position;
+            if weight <= 0.0 || way.dot(hit.normal) <= caster.offset_m() {
+                continue;
+            }
+            rays.visibility += 1;
+            if caster.visible(seen_point, probe) {
+                sum += weight;
+                workspace.visible.push((slot as u32, -way.normalize()));
+            }
+        }
+        if sum <= LEAST_WEIGHT {
+            unseen += f64::from(gather.cosine_share(dir.dot(scene.receivers.normal[receiver]).max(0.0)));
+            continue;
+        }
+        for &(slot, psi) in &workspace.visible {
+            let slot = slot as usize;
+            // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
+            workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
+        }
+    }
+
+    workspace.outputs.resize_with(n_k, OutputSums::default);
+    let n_sh = scene.probe_basis.len();
+    for output in &mut workspace.outputs {
+        output.probes.resize(support.len() * n_sh, 0.0);
+        output.sky.resize(scene.sky_basis.len(), 0.0);
+    }
+    for (slot, batch) in workspace.batches.iter_mut().enumerate() {
+        batch.finish(scene.probe_basis);
+        for (k, output) in workspace.outputs.iter_mut().enumerate() {
+            batch.read(k, &mut output.probes[slot * n_sh..(slot + 1) * n_sh]);
+        }
+    }
+    workspace.sky.finish(scene.sky_basis);
+    for (k, output) in workspace.outputs.iter_mut().enumerate() {
+        workspace.sky.read(k, &mut output.sky);
+    }
+    ReceiverFindings { unseen: unseen.clamp(0.0, 1.0) as f32, rays }
+}
+
+impl Batch {
+    fn reset(&mut self, n_k: usize, n_functions: usize) {
+        self.filled = 0;
+        self.weights.clear();
+        self.weights.resize(n_k, [0.0; LANES]);
+        self.sums.clear();
+        self.sums.resize(n_k * n_functions, [0.0; LANES]);
+    }
+
+    #[inline]
+    fn push(&mut self, dir: Vec3, factor: f32, weights: &[f32], basis: &sh::Basis) {
+        let lane = self.filled;
+        self.directions.x[lane] = dir.x;
+        self.directions.y[lane] = dir.y;
+        self.directions.z[lane] = dir.z;
+        for (lanes, weight) in self.weights.iter_mut().zip(weights) {
+            lanes[lane] = weight * factor;
+        }
+        self.filled += 1;
+        if self.filled == LANES {
+            self.evaluate(basis);
+        }
+    }
+
+    fn evaluate(&mut self, basis: &sh::Basis) {
+        for (weights, sums) in self.weights.iter().zip(self.sums.chunks_exact_mut(basis.len())) {
+            basis.accumulate(&self.directions, weights, sums);
+        }
+        self.filled = 0;
+    }
+
+    fn finish(&mut self, basis: &sh::Basis) {
+        if self.filled > 0 {
+            for lanes in &mut self.weights {
+                lanes[self.filled..].fill(0.0);
+            }
+            self.evaluate(basis);
+        }
+    }
+
+    fn read(&self, k: usize, values: &mut [f32]) {
+        let sums = &self.sums[k * values.len()..(k + 1) * values.len()];
+        for (value, lanes) in values.iter_mut().zip(sums) {
+            *value = lanes.iter().map(|&lane| f64::from(lane)).sum::<f64>() as f32;
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Local transport: a leaf of receivers and the probes around it to transport rows.
+//!
+//! For every receiver the incident directions are sampled by gather rays. Each ray's surface point Γ is looked up in the
+//! supporting probes that see that side of that point, by Eq. (2), and the contributions of all rays add up to the row
+//! of weights from probe radiance to irradiance (Eq. 7) or to receiver radiance (Eqs. 8, 9). Rays that leave the scene
+//! fill the sky columns: the sky is a virtual probe of infinite support.
+
+mod gather;
+mod kernel;
+
+pub use gather::GatherSet;
+
+use crate::{
+    lightmap::ReceiverSet,
+    probes::{ProbeSet, Support},
+    rays::RayCaster,
+};
+use localprt_formats::sh;
+
+/// What transport rows are made from; the same for all leaves of a bake.
+pub struct TransportScene<'a> {
+    /// Ray queries.
+    pub caster: &'a RayCaster<'a>,
+    /// All receivers.
+    pub receivers: &'a ReceiverSet,
+    /// All probes.
+    pub probes: &'a ProbeSet,
+    /// Supporting probes of each receiver.
+    pub support: &'a Support,
+    /// Gather directions, shared by all receivers.
+    pub gather: &'a GatherSet,
+    /// SH of the probes.
+    pub probe_basis: &'a sh::Basis,
+    /// SH of the sky columns.
+    pub sky_basis: &'a sh::Basis,
+}
+
+/// Transport rows of some receivers.
+#[derive(Clone, Debug, Default)]
+pub struct TransportRows {
+    /// Union of the members' supporting probes, rising.
+    pub probes: Vec<u32>,
+    /// `n_probes * n_sh + n_sky`.
+    pub n_columns: usize,
+    /// Outputs per receiver, `(receiver_degree + 1)^2`.
+    pub n_k: usize,
+    /// `[n_members * n_k][n_columns]`, receiver by receiver.
+    pub rows: Vec<f32>,
+    /// `[n_members]` cosine-weighted share of directions whose surface no supporting probe sees.
+    pub unseen: Vec<f32>,
+    /// Rays traced.
+    pub rays: RayCounts,
+}
+
+/// Rays traced, by purpose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// Closest-hit rays.
+    pub gather: u64,
+    /// Visibility rays.
+    pub visibility: u64,
+}
+
+impl std::ops::AddAssign for RayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.gather += other.gather;
+        self.visibility += other.visibility;
+    }
+}
+
+impl TransportScene<'_> {
+    /// Transport rows of the receivers `members`, in that order. A pure function of its arguments.
+    pub fn rows(&self, members: &[u32]) -> TransportRows {
+        let mut probes: Vec<u32> =
+            members.iter().flat_map(|&member| self.support.of(member as usize)).copied().collect();
+        probes.sort_unstable();
+        probes.dedup();
+        let n_sh = self.probe_basis.len();
+        let n_columns = probes.len() * n_sh + self.sky_basis.len();
+        let n_k = self.gather.n_outputs();
+        let mut rows = vec![0.0; members.len() * n_k * n_columns];
+        let mut unseen = Vec::with_capacity(members.len());
+        let mut rays = RayCounts::default();
+        let mut workspace = kernel::Workspace::default();
+        for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
+            let receiver = kernel::receiver_rows(self, member as usize, &mut workspace);
+            unseen.push(receiver.unseen);
+            rays += receiver.rays;
+            for (row, sums) in rows.chunks_exact_mut(n_columns).zip(&workspace.outputs) {
+                for (slot, id) in self.support.of(member as usize).iter().enumerate() {
+                    let at = probes.binary_search(id).expect("probe is in the union") * n_sh;
+                    row[at..at + n_sh].copy_from_slice(&sums.probes[slot * n_sh..(slot + 1) * n_sh]);
+                }
+                row[probes.len() * n_sh..].copy_from_slice(&sums.sky);
+            }
+        }
+        TransportRows { probes, n_columns, n_k, rows, unseen, rays }
+    }
+}
