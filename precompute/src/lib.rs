@@ -5,6 +5,7 @@ pub mod compress;
 pub mod lightmap;
 pub mod probes;
 pub mod rays;
+pub mod relight_rays;
 pub mod settings;
 pub mod transport;
 pub mod voxels;

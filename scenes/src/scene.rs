@@ -275,7 +275,7 @@ impl Scene {
 
     /// Unit geometric normal of a triangle (right-hand rule over its winding).
     pub fn geometric_normal(&self, mesh: usize, triangle: usize) -> Vec3 {
-        let [a, b, c] = self.corners(mesh, triangle).map(glam::Vec3::as_dvec3);
+        let [a, b, c] = self.corners(mesh, triangle).map(Vec3::as_dvec3);
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
     }
 

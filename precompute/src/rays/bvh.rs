@@ -112,7 +112,7 @@ impl Tree {
         let shear = Shear::new(origin, dir);
         let mut nearest: Option<TriangleHit> = None;
         let mut tree_hit = RayHit::none();
-        self.bvh.ray_traverse(Ray::new(origin.into(), dir.into(), 0.0, t_max), &mut tree_hit, |ray, id| {
+        self.bvh.ray_traverse(tree_ray(origin, dir, t_max), &mut tree_hit, |ray, id| {
             let triangle = &self.triangles[id];
             match shear.intersect(triangle, ray.tmax) {
                 Some(hit) if !triangle.masked || confirm(&hit) => {
@@ -134,7 +134,7 @@ impl Tree {
             return true;
         }
         let shear = Shear::new(origin, dir);
-        self.bvh.ray_traverse_miss(Ray::new(origin.into(), dir.into(), 0.0, t_max), |ray, id| {
+        self.bvh.ray_traverse_miss(tree_ray(origin, dir, t_max), |ray, id| {
             let triangle = &self.triangles[id];
             match shear.intersect(triangle, ray.tmax) {
                 Some(hit) if !triangle.masked || confirm(&hit) => hit.t,
@@ -142,6 +142,12 @@ impl Tree {
             }
         })
     }
+}
+
+/// obvhs takes the sign of a component once from the direction and once from its inverse, which disagree for -0.0: such a
+/// ray would miss every box. Adding zero makes it +0.0.
+fn tree_ray(origin: Vec3, dir: Vec3, t_max: f32) -> Ray {
+    Ray::new(origin.into(), (dir + Vec3::ZERO).into(), 0.0, t_max)
 }
 
 /// Most groups that a traversal can have on its stack: the nodes on the way to a leaf that leave a second inner child

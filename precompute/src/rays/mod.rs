@@ -6,6 +6,8 @@
 //! serves both sides.
 
 mod bvh;
+#[cfg(test)]
+mod tests;
 
 pub use bvh::{TreeError, TriangleHit};
 
