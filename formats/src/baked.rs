@@ -92,7 +92,7 @@ impl Metadata {
     }
 }
 
-/// Everything a baked file holds, owned: what [`crate::write`] takes.
+/// Everything a baked file holds, owned: what [`crate::write()`] takes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakedArrays {
     /// Facts.

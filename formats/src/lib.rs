@@ -1,10 +1,67 @@
 //! Baked transport files of localprt: open, check, write; and the conventions that give their numbers meaning.
 //!
-//! World space, metres, +Y up; radiance in W sr^-1 m^-2, linear Rec. 709. Layout: `SPEC.md`.
+//! In goes what a bake made, as plain arrays ([`BakedArrays`]); out comes a `.lprt` file, and from such a file the same
+//! arrays as borrowed slices ([`BakedView`]) that lie in the mapped file and upload to a GPU as they are. Opening checks
+//! every count and every index, so a reader may trust them; [`check()`] verifies the checksums too. The layout, rule by
+//! rule, and how to relight from the numbers: `SPEC.md` beside this crate's manifest.
+//!
+//! World space, metres, +Y up; radiance in W sr^-1 m^-2, linear Rec. 709. SH signs and index order: [`sh`].
+//!
+//! ```
+//! use localprt_formats::{Baked, BakedArrays, ClusterRecord, LEVEL_SKY, Metadata, Probe, quantize, sh};
+//!
+//! // One probe with one relight ray, straight up to the sky, and one receiver that takes its light from that probe.
+//! let mut ray_sh = [0.0; 4];
+//! sh::Basis::new(1).evaluate([0.0, 1.0, 0.0], &mut ray_sh);
+//! let arrays = BakedArrays {
+//!     metadata: Metadata { probe_degree: 1, lightmap_size: 4, direct_size: 4, n_rays: 1, ..Metadata::default() },
+//!     probes: vec![Probe { position: [0.0, 1.0, 0.0], support_radius_m: 2.0 }],
+//!     ray_dirs: vec![[0.0, 1.0, 0.0, 0.0]],
+//!     ray_sh: ray_sh.map(|value| value * 4.0 * std::f32::consts::PI).to_vec(),
+//!     ray_uv: vec![0],
+//!     ray_level: vec![LEVEL_SKY],
+//!     receiver_texel: vec![5],
+//!     receiver_position: vec![[0.0, 0.0, 0.0]],
+//!     receiver_normal: vec![[0.0, 1.0, 0.0]],
+//!     receiver_unseen: vec![0.0],
+//!     clusters: vec![ClusterRecord { n_receivers: 1, n_probes: 1, n_coefficients: 1, ..ClusterRecord::default() }],
+//!     cluster_probes: vec![0],
+//!     projection: quantize::to_f16_block(&[0.9, 1.0, 0.0, 0.0])?,
+//!     // One value, and one of padding to make the block even.
+//!     reconstruction: quantize::to_f16_block(&[1.0, 0.0])?,
+//!     ..BakedArrays::default()
+//! };
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("hall.lprt");
+//! localprt_formats::write(&path, &arrays)?;
+//!
+//! let baked = Baked::open(&path)?;
+//! let view = baked.view();
+//! assert_eq!(view.cluster_probes[view.clusters[0].first_probe as usize], 0);
+//! assert_eq!(view.projection, arrays.projection);
+//! for section in baked.sections() {
+//!     println!("{} {} x {} {}", section.kind, section.count, section.components, section.scalar);
+//! }
+//! assert!(localprt_formats::check(&path)?.is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod baked;
+pub mod check;
 pub mod directions;
+pub mod error;
+pub mod header;
+pub mod metadata;
+pub mod open;
+pub mod quantize;
 pub mod sh;
 pub mod weight;
+pub mod write;
 
 pub use baked::{BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe};
+pub use check::{Violation, check, check_bytes, check_invariants};
+pub use error::{OpenError, WriteError};
+pub use header::{Scalar, SectionInfo, SectionKind};
+pub use open::Baked;
+pub use write::{to_bytes, write};

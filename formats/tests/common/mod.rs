@@ -1,0 +1,207 @@
+//! Consistent arrays for the tests of the file format.
+#![allow(dead_code)]
+
+use half::f16;
+use localprt_formats::directions::{counter_hash, counter_uniform};
+use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
+use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, Probe};
+
+/// Two probes, three receivers, one cluster, six rays, degree 1. All numbers are literals, so that every machine makes
+/// the same bytes.
+pub fn minimal() -> BakedArrays {
+    // Y_0 and Y_1 of the six axis directions, times 4 pi / 6.
+    let (y0, y1) = (0.590_817_95, 1.023_326_7);
+    let f16s = |values: &[f32]| values.iter().map(|value| f16::from_f32(*value)).collect();
+    BakedArrays {
+        metadata: Metadata {
+            tool_version: "0.1.0".into(),
+            scene_path: "minimal.glb".into(),
+            scene_hash: std::array::from_fn(|i| i as u8),
+            lightmap_size: 4,
+            direct_size: 8,
+            probe_degree: 1,
+            receiver_degree: 0,
+            sky_degree: 1,
+            n_rays: 6,
+            bounds: [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]],
+            options: "spacing = 1.0\n".into(),
+        },
+        probes: vec![
+            Probe { position: [-0.5, 1.0, 0.0], support_radius_m: 2.0 },
+            Probe { position: [0.5, 1.0, 0.0], support_radius_m: 2.5 },
+        ],
+        ray_dirs: vec![
+            [1.0, 0.0, 0.0, 0.0],
+            [-1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, -1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, -1.0, 0.0],
+        ],
+        ray_sh: [[y0, 0.0, 0.0, y1], [y0, 0.0, 0.0, -y1], [y0, y1, 0.0, 0.0], [y0, -y1, 0.0, 0.0]]
+            .into_iter()
+            .chain([[y0, 0.0, y1, 0.0], [y0, 0.0, -y1, 0.0]])
+            .flatten()
+            .collect(),
+        ray_uv: vec![0x8000_4000, 0, 0, 0xffff_ffff, 0x2000_1000, 0x0000_ffff, 0x1234_5678, 1, 2, 3, 4, 5],
+        ray_level: vec![0, LEVEL_BLACK, LEVEL_SKY, 1, 2, 3, 0, 1, LEVEL_SKY, 1, 0, 2],
+        receiver_texel: vec![5, 6, 9],
+        receiver_position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
+        receiver_normal: vec![[0.0, 1.0, 0.0]; 3],
+        receiver_unseen: vec![0.0, 0.125, 1.0],
+        clusters: vec![ClusterRecord {
+            n_receivers: 3,
+            n_probes: 2,
+            n_sky: 4,
+            n_coefficients: 1,
+            ..ClusterRecord::default()
+        }],
+        cluster_probes: vec![0, 1],
+        projection: f16s(&[0.5, 0.25, 0.0, -0.125, 0.5, 0.25, 0.0, 0.125, 1.0, 0.5, 0.0, 0.0]),
+        reconstruction: f16s(&[1.0, 0.75, -0.5, 0.0]),
+        gutters: vec![[4, 0], [7, 1]],
+        seams: vec![[0, 2]],
+        report: r#"{"receivers":3}"#.into(),
+    }
+}
+
+/// Sizes of generated arrays.
+#[derive(Clone, Debug)]
+pub struct Sizes {
+    pub seed: u64,
+    pub n_probes: u32,
+    pub n_rays: u32,
+    pub cluster_receivers: Vec<u32>,
+    pub probe_degree: u32,
+    pub receiver_degree: u32,
+    pub sky_degree: u32,
+    pub report: bool,
+}
+
+/// Consistent arrays with arbitrary numbers.
+pub fn arrays(sizes: &Sizes) -> BakedArrays {
+    let Sizes { seed, n_probes, n_rays, .. } = *sizes;
+    let n_receivers: u32 = sizes.cluster_receivers.iter().sum();
+    let direct_size = 1 + counter_hash(seed, 1, 0) as u32 % 64;
+    let metadata = Metadata {
+        tool_version: "0.1.0".into(),
+        scene_path: "../scenes/hall \u{fc}.glb".into(),
+        scene_hash: std::array::from_fn(|i| counter_hash(seed, 2, i as u64) as u8),
+        lightmap_size: 2 * (n_receivers + 4).isqrt(),
+        direct_size,
+        probe_degree: sizes.probe_degree,
+        receiver_degree: sizes.receiver_degree,
+        sky_degree: sizes.sky_degree,
+        n_rays,
+        bounds: [[-1.0, -2.0, -3.0], [4.0, 5.0, 6.0]],
+        options: format!("seed = {seed}\n"),
+    };
+    let number = |stream: u64, i: usize| counter_uniform(seed, stream, i as u64) as f32 * 2.0 - 1.0;
+    let point = |stream: u64, i: usize| [number(stream, 3 * i), number(stream, 3 * i + 1), number(stream, 3 * i + 2)];
+    let unit = |stream: u64, i: usize| {
+        localprt_formats::directions::spherical_fibonacci(counter_hash(seed, stream, i as u64) as u32 % 1000, 1000)
+    };
+    let lookups = (n_probes * n_rays) as usize;
+    let texels: Vec<u32> = (0..n_receivers).map(|i| 2 * i).collect();
+    let mut out = BakedArrays {
+        probes: (0..n_probes as usize)
+            .map(|i| Probe { position: point(3, i), support_radius_m: 0.5 + i as f32 })
+            .collect(),
+        ray_dirs: (0..n_rays as usize).map(|i| unit(4, i)).map(|[x, y, z]| [x, y, z, 0.0]).collect(),
+        ray_sh: (0..n_rays as usize * metadata.n_sh()).map(|i| number(5, i)).collect(),
+        ray_uv: (0..lookups).map(|i| counter_hash(seed, 6, i as u64) as u32).collect(),
+        ray_level: (0..lookups)
+            .map(|i| match counter_hash(seed, 7, i as u64) % 5 {
+                0 => LEVEL_SKY,
+                1 => LEVEL_BLACK,
+                other => (other as u32 % (direct_size.ilog2() + 1)) as u8,
+            })
+            .collect(),
+        receiver_position: (0..texels.len()).map(|i| point(8, i)).collect(),
+        receiver_normal: (0..texels.len()).map(|i| unit(9, i)).collect(),
+        receiver_unseen: (0..texels.len()).map(|i| number(10, i).abs()).collect(),
+        gutters: texels.iter().take(3).enumerate().map(|(i, texel)| [texel + 1, i as u32]).collect(),
+        seams: (1..n_receivers.min(4)).map(|i| [i - 1, i]).collect(),
+        receiver_texel: texels,
+        report: if sizes.report { format!(r#"{{"seed":{seed}}}"#) } else { String::new() },
+        metadata,
+        ..BakedArrays::default()
+    };
+    let mut first_receiver = 0;
+    for (i, &n_receivers) in sizes.cluster_receivers.iter().enumerate() {
+        let random = |stream: u64| counter_hash(seed, stream, i as u64) as u32;
+        let listed = (0..n_probes).filter(|probe| counter_hash(seed, 100 + i as u64, u64::from(*probe)) % 2 == 0);
+        let first_probe = out.cluster_probes.len() as u32;
+        out.cluster_probes.extend(listed);
+        let n_probes = out.cluster_probes.len() as u32 - first_probe;
+        let n_sky = if random(11) % 2 == 0 { 0 } else { out.metadata.n_sky() as u32 };
+        let n_coefficients = random(12) % 4;
+        let columns = n_probes * out.metadata.n_sh() as u32 + n_sky;
+        out.clusters.push(ClusterRecord {
+            first_receiver,
+            n_receivers,
+            first_probe,
+            n_probes,
+            n_sky,
+            n_coefficients,
+            first_light: out.clusters.iter().map(|cluster| cluster.n_coefficients).sum(),
+            projection_pair: out.projection.len() as u32 / 2,
+            reconstruction_pair: out.reconstruction.len() as u32 / 2,
+            reserved: 0,
+        });
+        let rows = n_receivers * out.metadata.n_k() as u32;
+        append_block(&mut out.projection, n_coefficients * columns, |k| number(200 + i as u64, k));
+        append_block(&mut out.reconstruction, n_coefficients * rows, |k| number(300 + i as u64, k));
+        first_receiver += n_receivers;
+    }
+    out
+}
+
+fn append_block(values: &mut Vec<f16>, count: u32, number: impl Fn(usize) -> f32) {
+    values.extend((0..count as usize).map(|i| f16::from_f32(number(i))));
+    if count % 2 == 1 {
+        values.push(f16::ZERO);
+    }
+}
+
+/// Makes the header's checksum right again after a change to header or table.
+pub fn seal(file: &mut [u8]) {
+    let table_end = (HEADER_BYTES + n_sections(file) * ENTRY_BYTES).min(file.len());
+    let checksum = crc32c::crc32c_append(crc32c::crc32c(&file[..60]), &file[HEADER_BYTES..table_end]);
+    file[60..64].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// Makes every checksum and the content hash right again after a change anywhere.
+pub fn seal_all(file: &mut [u8]) {
+    let mut hasher = blake3::Hasher::new();
+    for i in 0..n_sections(file) {
+        let at = HEADER_BYTES + i * ENTRY_BYTES;
+        let (offset, length) = (u64_at(file, at + 24) as usize, u64_at(file, at + 32) as usize);
+        hasher.update(&file[offset..offset + length]);
+        let checksum = crc32c::crc32c(&file[offset..offset + length]);
+        file[at + 12..at + 16].copy_from_slice(&checksum.to_le_bytes());
+    }
+    hasher.update(&file[HEADER_BYTES..HEADER_BYTES + n_sections(file) * ENTRY_BYTES]);
+    let hash = *hasher.finalize().as_bytes();
+    file[24..56].copy_from_slice(&hash);
+    seal(file);
+}
+
+pub fn n_sections(file: &[u8]) -> usize {
+    u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize
+}
+
+pub fn u64_at(file: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(file[at..at + 8].try_into().unwrap())
+}
+
+/// Start of a section's entry in the table.
+pub fn entry(file: &[u8], kind: &[u8; 4]) -> usize {
+    let at = |i: usize| HEADER_BYTES + i * ENTRY_BYTES;
+    (0..n_sections(file)).map(at).find(|at| file[*at..at + 4] == *kind).expect("section is present")
+}
+
+/// Start of a section's payload.
+pub fn payload(file: &[u8], kind: &[u8; 4]) -> usize {
+    u64_at(file, entry(file, kind) + 24) as usize
+}

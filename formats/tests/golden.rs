@@ -1,0 +1,121 @@
+//! Stored files of every released version open to known values.
+//!
+//! `UPDATE_GOLDEN=1 cargo test` writes the file of the current version; that of a released version never changes.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::minimal;
+use half::f16;
+use localprt_formats::{Baked, LEVEL_SKY, check, to_bytes, write};
+
+fn golden() -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1.lprt");
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        write(&path, &minimal()).unwrap();
+    }
+    path
+}
+
+#[test]
+fn the_file_of_version_1_opens_to_known_values() {
+    let path = golden();
+    assert_eq!(check(&path).unwrap(), []);
+    let baked = Baked::open(&path).unwrap();
+    let view = baked.view();
+    assert_eq!(baked.version(), (1, 0));
+    assert_eq!(baked.sections().len(), 17);
+    assert_eq!(view.metadata.scene_path, "minimal.glb");
+    assert_eq!(view.metadata.scene_hash[31], 31);
+    assert_eq!(view.metadata.bounds, [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]);
+    assert_eq!((view.metadata.n_sh(), view.metadata.n_k(), view.metadata.n_sky()), (4, 1, 4));
+    assert_eq!(view.probes[1].position, [0.5, 1.0, 0.0]);
+    assert_eq!(view.probes[1].support_radius_m, 2.5);
+    assert_eq!(view.ray_dirs[3], [0.0, -1.0, 0.0, 0.0]);
+    assert_eq!(view.ray_uv[0], 0x8000_4000);
+    assert_eq!(view.ray_level[2], LEVEL_SKY);
+    assert_eq!(view.receiver_texel, [5, 6, 9]);
+    assert_eq!(view.receiver_unseen, [0.0, 0.125, 1.0]);
+    assert_eq!(view.clusters[0].n_probes, 2);
+    assert_eq!(view.cluster_probes, [0, 1]);
+    assert_eq!(view.projection[3], f16::from_f32(-0.125));
+    assert_eq!(view.reconstruction[2], f16::from_f32(-0.5));
+    assert_eq!(view.gutters, [[4, 0], [7, 1]]);
+    assert_eq!(view.seams, [[0, 2]]);
+    assert_eq!(view.report, r#"{"receivers":3}"#);
+}
+
+#[test]
+fn the_file_of_version_1_is_written_byte_for_byte() {
+    let stored = std::fs::read(golden()).unwrap();
+    assert!(stored.len() < 8192, "{} bytes", stored.len());
+    assert_eq!(stored, to_bytes(&minimal()).unwrap());
+}
+
+/// Rows of the SH table must be what `sh.rs` says: the golden file holds its values as literals.
+#[test]
+fn the_stored_sh_table_matches_the_basis() {
+    let arrays = minimal();
+    let basis = localprt_formats::sh::Basis::new(1);
+    for (direction, stored) in arrays.ray_dirs.iter().zip(arrays.ray_sh.chunks(4)) {
+        let mut values = [0.0; 4];
+        basis.evaluate([direction[0], direction[1], direction[2]], &mut values);
+        for (value, stored) in values.iter().zip(stored) {
+            // Three roundings of numbers near 1.
+            assert!((value * 4.0 * std::f32::consts::PI / 6.0 - stored).abs() < 3.0 * f32::EPSILON);
+        }
+    }
+}
+
+/// A reader written from SPEC.md alone, in another language, finds the same counts, and relights to the same numbers.
+#[test]
+fn an_independent_reader_agrees() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_lprt.py");
+    let output = match Command::new("python3").arg(&script).arg(golden()).output() {
+        Ok(output) => output,
+        Err(error) => {
+            eprintln!("skipped an_independent_reader_agrees: python3 does not start: {error}");
+            return;
+        }
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let hash: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
+    let expected = serde_json::json!({
+        "version": [1, 0],
+        "tool_version": "0.1.0",
+        "scene_path": "minimal.glb",
+        "scene_hash": hash,
+        "lightmap_size": 4,
+        "direct_size": 8,
+        "degrees": [1, 0, 1],
+        "options": "spacing = 1.0\n",
+        "probes": 2,
+        "rays": 6,
+        "receivers": 3,
+        "clusters": 1,
+        "cluster_lights": 1,
+        "projection": 12,
+        "reconstruction": 4,
+        "gutters": 2,
+        "seams": 1,
+        "report": true,
+    });
+    for (key, value) in expected.as_object().unwrap() {
+        assert_eq!(&found[key], value, "{key}");
+    }
+    // Radiance 1 everywhere that is mapped and a sky of radiance 1: probe 0 has one black ray, towards -x.
+    let y0 = 0.590_817_95f64;
+    let y1 = 1.023_326_7f64;
+    let probe_0 = [5.0 * y0, 0.0, 0.0, y1];
+    let probe_1 = [6.0 * y0, 0.0, 0.0, 0.0];
+    let sky_0 = (4.0 * std::f64::consts::PI).sqrt();
+    let light = 0.5 * probe_0[0] - 0.125 * probe_0[3] + 0.5 * probe_1[0] + sky_0;
+    for (receiver, factor) in [1.0, 0.75, -0.5f64].into_iter().enumerate() {
+        let irradiance = found["irradiance"][receiver].as_f64().unwrap();
+        // The table's f32 rounding, summed over a few terms of size 4.
+        assert!((irradiance - (factor * light).max(0.0)).abs() < 1e-5, "{receiver}: {irradiance}");
+    }
+}
