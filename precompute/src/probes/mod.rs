@@ -1,9 +1,35 @@
-//! Probe placement: candidates in open voxels beside solid ones, thinned to the target count, with one support radius.
+//! Probe placement (section 4.1): candidates in open voxels beside solid ones, thinned to the target count, one support
+//! radius found from the receivers, and a repair of what no supporting probe sees.
+//!
+//! [`place`] is the whole step: [`crate::voxels::VoxelGrid`] and receivers in, [`ProbeSet`] and [`Support`] out. World
+//! space, metres. The same input gives the same probes on any number of threads.
 
+mod candidates;
+mod coverage;
+mod point_grid;
+mod radius;
+mod reduce;
+#[cfg(test)]
+mod tests;
+
+pub use candidates::{Candidates, candidates};
+pub use coverage::{Coverage, SurfaceSample};
+pub use radius::{Overlap, support};
+pub use reduce::{Reduction, reduce};
+
+use crate::{
+    rays::RayCaster,
+    settings::BakeSettings,
+    voxels::{VoxelGrid, grid_points, spacing_for},
+};
 use glam::Vec3;
 
+/// Most probes of a bake. A probe costs 8000 relight rays, so this is far above what a scene can use; it stops a
+/// spacing in the wrong unit.
+pub const MAX_PROBES: u32 = 1 << 18;
+
 /// Radiance probes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProbeSet {
     /// World positions, metres.
     pub positions: Vec<Vec3>,
@@ -14,7 +40,7 @@ pub struct ProbeSet {
 /// Supporting probes of every receiver, and the radius each receiver sees them with.
 ///
 /// A receiver with too few probes within r uses `max(r, 1.05 x distance to its min_overlap-th nearest probe)`.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Support {
     /// `[n_receivers + 1]` start of each receiver's run in `probes`.
     pub start: Vec<u32>,
@@ -32,8 +58,14 @@ impl Support {
 }
 
 /// What placement did, for the bake report.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlacementReport {
+    /// Probe spacing rho, metres.
+    pub spacing_m: f32,
+    /// Voxel size, metres.
+    pub voxel_m: f32,
+    /// Probe count that thinning aims at.
+    pub target: usize,
     /// Candidates before thinning.
     pub candidates: usize,
     /// Candidates rejected for back faces or clearance.
@@ -42,4 +74,184 @@ pub struct PlacementReport {
     pub repaired: usize,
     /// Overlap: mean, least, most over receivers.
     pub overlap: (f32, u32, u32),
+    /// Surface points, seen by sampled receivers, that coverage was measured on.
+    pub coverage_samples: usize,
+    /// Share of them that no supporting probe saw before the repair, 0..=1.
+    pub unseen_before: f32,
+    /// The same after it.
+    pub unseen_after: f32,
+}
+
+/// Why no probes could be placed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlacementError {
+    /// An option is out of range.
+    #[error("{option} is {value}: must be {allowed}")]
+    InvalidOption {
+        /// The option's name.
+        option: &'static str,
+        /// What it was.
+        value: f64,
+        /// What it may be.
+        allowed: &'static str,
+    },
+    /// More probes than a bake can hold.
+    #[error(
+        "a spacing of {spacing_m} m asks for {count:.0} probes, more than {MAX_PROBES}: use a larger spacing or give the probe count"
+    )]
+    TooManyProbes {
+        /// Probe spacing, metres.
+        spacing_m: f32,
+        /// Probes asked for.
+        count: f64,
+    },
+    /// No empty voxel is part of the space to light.
+    #[error(
+        "no open space among {voxels} voxels of {voxel_m} m ({solid} solid, the rest behind surfaces): use a smaller \
+         voxel size, name interior points, or turn one-sided surfaces to face the space to light"
+    )]
+    NoOpenSpace {
+        /// Voxels of the grid.
+        voxels: usize,
+        /// Solid ones.
+        solid: usize,
+        /// Voxel size, metres.
+        voxel_m: f32,
+    },
+    /// There are open voxels, but none of them is good for a probe.
+    #[error(
+        "each of {tested} possible probe positions is behind surfaces or within a quarter voxel of one: use a smaller \
+         voxel size than {voxel_m} m, or turn one-sided surfaces to face the space to light"
+    )]
+    NoCandidate {
+        /// Voxels tried.
+        tested: usize,
+        /// Voxel size, metres.
+        voxel_m: f32,
+    },
+    /// Nothing needs light.
+    #[error("there are no receivers to place probes for")]
+    NoReceivers,
+    /// More receiver-probe pairs than 32-bit offsets reach.
+    #[error(
+        "{pairs} pairs of receivers and supporting probes, more than {limit}: lower the overlap or the number of receivers"
+    )]
+    TooManyPairs {
+        /// Pairs needed.
+        pairs: u64,
+        /// Most that can be stored.
+        limit: u64,
+    },
+}
+
+/// Probe count that thinning aims at: `settings.probes`, or the points of a regular grid of spacing `rho` over the
+/// scene box (section 4.1).
+///
+/// # Errors
+///
+/// [`PlacementError::InvalidOption`] for zero probes, [`PlacementError::TooManyProbes`] above [`MAX_PROBES`].
+pub fn target_count(bounds: (Vec3, Vec3), rho: f32, settings: &BakeSettings) -> Result<usize, PlacementError> {
+    match settings.probes {
+        Some(count @ 1..=MAX_PROBES) => Ok(count as usize),
+        Some(count) => Err(PlacementError::InvalidOption {
+            option: "probes",
+            value: f64::from(count),
+            allowed: "from 1 to 262144",
+        }),
+        None => {
+            let count = grid_points(bounds, rho);
+            if count > f64::from(MAX_PROBES) {
+                return Err(PlacementError::TooManyProbes { spacing_m: rho, count });
+            }
+            Ok(count as usize)
+        }
+    }
+}
+
+/// Places the probes of a scene and links every receiver to those that support it.
+///
+/// `rho` is the probe spacing in metres ([`crate::voxels::spacing`]); `receivers` and `normals` are `[n_receivers]`
+/// positions in metres and unit geometric normals.
+///
+/// The coverage repair adds up to `settings.repair` times the target count. With an explicit `settings.probes` the
+/// total stays what was asked for: thinning stops short by that share, and what the repair does not need goes to the
+/// candidates that thinning removed last. A repair that does not lower the unseen share is undone.
+///
+/// # Errors
+///
+/// By what has to change: the options ([`PlacementError::InvalidOption`], [`PlacementError::TooManyProbes`],
+/// [`PlacementError::TooManyPairs`]), or the scene and its voxels (the others).
+pub fn place(
+    caster: &RayCaster,
+    grid: &VoxelGrid,
+    rho: f32,
+    receivers: &[Vec3],
+    normals: &[Vec3],
+    settings: &BakeSettings,
+) -> Result<(ProbeSet, Support, PlacementReport), PlacementError> {
+    check(settings)?;
+    let bounds = caster.scene().bounds().unwrap_or_default();
+    let target = target_count(bounds, rho, settings)?;
+
+    let found = candidates(grid, caster, target, settings.seed)?;
+    // A spacing given beside a count may have nothing to do with it; thinning then follows the count.
+    let kernel_m = if settings.probes.is_some() { spacing_for(bounds, target as u32) } else { rho };
+    let budget = (f64::from(settings.repair) * target as f64) as usize;
+    let exact = settings.probes.is_some();
+    let base = if exact { target.saturating_sub(budget).max(1) } else { target };
+    let thinned = reduce(&found.positions, base, kernel_m);
+    let plain = placement(&found.positions, &thinned.padded(target), receivers, settings)?;
+
+    let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
+    let unseen_before = coverage.unseen_share(&plain.0, &plain.1);
+    let mut report = PlacementReport {
+        spacing_m: rho,
+        voxel_m: grid.voxel_m,
+        target,
+        candidates: found.positions.len(),
+        rejected: found.rejected,
+        coverage_samples: coverage.samples.len(),
+        unseen_before,
+        unseen_after: unseen_before,
+        ..Default::default()
+    };
+
+    let start = if exact { placement(&found.positions, &thinned.kept, receivers, settings)? } else { plain.clone() };
+    let added = coverage.repair(&start.0, &start.1, receivers, &found.positions, &thinned.removed, budget);
+    let mut best = plain;
+    if !added.is_empty() {
+        let repaired = thinned.with(&added);
+        let total = if exact { target } else { repaired.kept.len() };
+        let trial = placement(&found.positions, &repaired.padded(total), receivers, settings)?;
+        let unseen = coverage.unseen_share(&trial.0, &trial.1);
+        if unseen < unseen_before {
+            report.unseen_after = unseen;
+            report.repaired = added.len();
+            best = trial;
+        }
+    }
+    let (probes, support, overlap) = best;
+    report.overlap = (overlap.mean, overlap.least, overlap.most);
+    Ok((probes, support, report))
+}
+
+/// Probes at some of the candidates, with their radius and support.
+fn placement(
+    candidates: &[Vec3],
+    chosen: &[u32],
+    receivers: &[Vec3],
+    settings: &BakeSettings,
+) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
+    let positions: Vec<Vec3> = chosen.iter().map(|&index| candidates[index as usize]).collect();
+    support(receivers, &positions, settings)
+}
+
+fn check(settings: &BakeSettings) -> Result<(), PlacementError> {
+    let check = |option, value: f32, valid: bool, allowed| {
+        if valid { Ok(()) } else { Err(PlacementError::InvalidOption { option, value: f64::from(value), allowed }) }
+    };
+    let (overlap, repair) = (settings.overlap, settings.repair);
+    check("overlap", overlap, overlap > 0.0 && overlap.is_finite(), "greater than 0")?;
+    check("repair", repair, (0.0..=1.0).contains(&repair), "from 0 to 1")
 }
