@@ -1,0 +1,209 @@
+//! The CPU twins in sequence: the only file that knows their order.
+
+use crate::checked_bake::CheckedBake;
+use crate::coverage_map::CoverageMap;
+use crate::error::RelightError;
+use crate::passes::cluster_projection::cluster_projection;
+use crate::passes::direct_lightmap::{SurfaceTexels, direct_lightmap};
+use crate::passes::gutter_dilation::gutter_dilation;
+use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
+use crate::passes::probe_relight::probe_relight;
+use crate::passes::receiver_reconstruction::{receiver_irradiance, receiver_reconstruction};
+use glam::Vec3;
+use localprt_formats::BakedView;
+
+/// Limit of the albedo in the feedback: leaves 5 % for a reconstruction whose gain ringing pushes above 1.
+pub const DEFAULT_FEEDBACK_ALBEDO_CAP: f32 = 0.95;
+
+/// What shines in one relight. Colours are linear Rec. 709.
+#[derive(Clone, Copy, Debug)]
+pub struct RelightInputs<'a> {
+    /// Albedo, emission and direct irradiance in the texels of the direct light map.
+    pub surface: &'a SurfaceTexels,
+    /// `[n_sky]` SH radiance of the sky, for the sky columns of the clusters; empty is a black sky.
+    pub sky_sh: &'a [Vec3],
+    /// `[n_rays]` radiance of the sky along the file's `ray_dirs`, W sr^-1 m^-2; empty is a black sky.
+    pub sky_rays: &'a [Vec3],
+    /// Relight rays that leave the scene read the sky. Receivers get the sky through `sky_sh` in any case.
+    pub sky_in_probes: bool,
+    /// Gathers of [`CpuRelighter::relight`]: 1 is the first indirect bounce, 0 gives no indirect light.
+    pub bounces: u32,
+    /// Limit of the albedo that multiplies the previous gather's irradiance, 0..=1.
+    pub feedback_albedo_cap: f32,
+}
+
+impl<'a> RelightInputs<'a> {
+    /// One bounce under a black sky.
+    pub fn new(surface: &'a SurfaceTexels) -> Self {
+        Self {
+            surface,
+            sky_sh: &[],
+            sky_rays: &[],
+            sky_in_probes: true,
+            bounces: 1,
+            feedback_albedo_cap: DEFAULT_FEEDBACK_ALBEDO_CAP,
+        }
+    }
+}
+
+/// Indirect light at the receivers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Relit {
+    /// `[n_receivers, n_k]` transported coefficients, not clamped: irradiance for degree 0, SH radiance for degree 1.
+    pub coefficients: Vec<Vec3>,
+    /// `[n_receivers]` irradiance about the shading normal, W m^-2, not negative.
+    pub irradiance: Vec<Vec3>,
+    /// The same in the receiver map's texels, gutters filled: sample with TEXCOORD_1.
+    pub irradiance_map: CoverageMap,
+}
+
+/// Relights one baked file on the CPU; the reference of the GPU passes.
+///
+/// Results do not depend on the number of rayon threads.
+#[derive(Clone, Debug)]
+pub struct CpuRelighter<'a> {
+    baked: CheckedBake<'a>,
+    light_map: Vec<CoverageMap>,
+    probe_radiance: Vec<Vec3>,
+    cluster_lights: Vec<Vec3>,
+    relit: Relit,
+    gathers: u64,
+}
+
+impl<'a> CpuRelighter<'a> {
+    /// Checks the file's structure and sets all light to zero.
+    ///
+    /// # Errors
+    /// [`RelightError::Bake`].
+    pub fn new(view: BakedView<'a>) -> Result<Self, RelightError> {
+        let baked = CheckedBake::new(view)?;
+        let mut relighter = Self {
+            light_map: level_sizes(view.metadata.direct_size).into_iter().map(CoverageMap::uncovered).collect(),
+            probe_radiance: vec![Vec3::ZERO; baked.n_probes() * baked.n_sh()],
+            cluster_lights: vec![Vec3::ZERO; baked.n_cluster_lights()],
+            relit: Relit {
+                coefficients: vec![Vec3::ZERO; baked.n_receivers() * baked.n_k()],
+                irradiance: vec![Vec3::ZERO; baked.n_receivers()],
+                irradiance_map: CoverageMap::uncovered(view.metadata.lightmap_size),
+            },
+            gathers: 0,
+            baked,
+        };
+        relighter.write_irradiance_map();
+        Ok(relighter)
+    }
+
+    /// Forgets all light, then does `inputs.bounces` gathers.
+    ///
+    /// A Jacobi iteration: gather k reads `Le + albedo/pi (D + E)` with the irradiance E of gather k - 1.
+    ///
+    /// # Errors
+    /// Those of [`CpuRelighter::check`]; the light of the last relight then stays as it was.
+    pub fn relight(&mut self, inputs: &RelightInputs<'_>) -> Result<&Relit, RelightError> {
+        self.check(inputs)?;
+        self.reset();
+        for _ in 0..inputs.bounces {
+            self.gather(inputs);
+        }
+        Ok(&self.relit)
+    }
+
+    /// One gather that starts from the light of the last one: one more bounce per frame, for lights that move.
+    ///
+    /// `inputs.bounces` plays no part.
+    ///
+    /// # Errors
+    /// Those of [`CpuRelighter::check`]; the light of the last gather then stays as it was.
+    pub fn step(&mut self, inputs: &RelightInputs<'_>) -> Result<&Relit, RelightError> {
+        self.check(inputs)?;
+        self.gather(inputs);
+        Ok(&self.relit)
+    }
+
+    /// Sets all light to zero, so that the next [`CpuRelighter::step`] is a first bounce.
+    pub fn reset(&mut self) {
+        self.gathers = 0;
+        self.light_map.iter_mut().for_each(|level| level.texels_mut().fill(glam::Vec4::ZERO));
+        self.probe_radiance.fill(Vec3::ZERO);
+        self.cluster_lights.fill(Vec3::ZERO);
+        self.relit.coefficients.fill(Vec3::ZERO);
+        self.relit.irradiance.fill(Vec3::ZERO);
+        self.write_irradiance_map();
+    }
+
+    /// Checks that inputs fit the file and are finite.
+    ///
+    /// # Errors
+    /// Those of [`SurfaceTexels::check`]; [`RelightError::Length`] and [`RelightError::NotFinite`] for the sky;
+    /// [`RelightError::AlbedoCap`].
+    pub fn check(&self, inputs: &RelightInputs<'_>) -> Result<(), RelightError> {
+        let metadata = self.baked.view().metadata;
+        inputs.surface.check(metadata.direct_size)?;
+        for (what, sky, expected) in [
+            ("sky SH radiance", inputs.sky_sh, metadata.n_sky()),
+            ("sky radiance per relight ray", inputs.sky_rays, self.baked.n_rays()),
+        ] {
+            if !sky.is_empty() && sky.len() != expected {
+                return Err(RelightError::Length { what, expected, found: sky.len() });
+            }
+            if let Some(index) = sky.iter().position(|value| !value.is_finite()) {
+                return Err(RelightError::NotFinite { what, index });
+            }
+        }
+        if !(0.0..=1.0).contains(&inputs.feedback_albedo_cap) {
+            return Err(RelightError::AlbedoCap { found: inputs.feedback_albedo_cap });
+        }
+        Ok(())
+    }
+
+    /// Light of the last gather at the receivers.
+    pub fn relit(&self) -> &Relit {
+        &self.relit
+    }
+
+    /// Gathers since the last reset: bounces the current light holds.
+    pub fn gathers(&self) -> u64 {
+        self.gathers
+    }
+
+    /// Levels of the light map that the last gather read: outgoing radiance, W sr^-1 m^-2; level 0 has `direct_size`.
+    pub fn light_map(&self) -> &[CoverageMap] {
+        &self.light_map
+    }
+
+    /// `[n_probes, n_sh]` SH radiance of the probes in the last gather.
+    pub fn probe_radiance(&self) -> &[Vec3] {
+        &self.probe_radiance
+    }
+
+    /// `[sum of n_coefficients]` cluster lights of the last gather.
+    pub fn cluster_lights(&self) -> &[Vec3] {
+        &self.cluster_lights
+    }
+
+    /// The checked file.
+    pub fn baked(&self) -> &CheckedBake<'a> {
+        &self.baked
+    }
+
+    fn gather(&mut self, inputs: &RelightInputs<'_>) {
+        let baked = &self.baked;
+        let previous = (self.gathers > 0).then_some(&self.relit.irradiance_map);
+        direct_lightmap(inputs.surface, previous, inputs.feedback_albedo_cap, &mut self.light_map[0]);
+        lightmap_mips(&mut self.light_map);
+        let sky_rays = if inputs.sky_in_probes { inputs.sky_rays } else { &[] };
+        probe_relight(baked, &self.light_map, sky_rays, &mut self.probe_radiance);
+        cluster_projection(baked, &self.probe_radiance, inputs.sky_sh, &mut self.cluster_lights);
+        receiver_reconstruction(baked, &self.cluster_lights, &mut self.relit.coefficients);
+        receiver_irradiance(baked, &self.relit.coefficients, &mut self.relit.irradiance);
+        self.write_irradiance_map();
+        self.gathers += 1;
+    }
+
+    fn write_irradiance_map(&mut self) {
+        gutter_dilation(&self.baked, &self.relit.irradiance, &mut self.relit.irradiance_map);
+    }
+}
+
+#[cfg(test)]
+mod tests;

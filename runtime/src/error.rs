@@ -1,0 +1,59 @@
+//! Why a relight cannot be done.
+
+/// What is wrong with a baked file or with the inputs of one relight.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RelightError {
+    /// The arrays of the baked file contradict each other.
+    #[error("baked file, {place}: {problem}; check the file with `precompute check` and bake it again")]
+    Bake {
+        /// Array or cluster.
+        place: String,
+        /// What was found and what was allowed.
+        problem: String,
+    },
+    /// The direct light map has another size than the one the relight rays were baked for.
+    #[error(
+        "direct light map is {found} texels wide, the file wants {expected}; build the surface texels at that size"
+    )]
+    MapSize {
+        /// `direct_size` of the file.
+        expected: u32,
+        /// Size of the given surface texels.
+        found: u32,
+    },
+    /// An input array has the wrong length.
+    #[error("{what} has {found} entries, needs {expected}")]
+    Length {
+        /// Name of the input.
+        what: &'static str,
+        /// Entries needed.
+        expected: usize,
+        /// Entries given.
+        found: usize,
+    },
+    /// Texel indices do not rise, or lie outside of the map.
+    #[error("surface texel {position} has index {index}; indices must rise and stay below {limit}")]
+    TexelIndex {
+        /// Where in the list.
+        position: usize,
+        /// The index found there.
+        index: u32,
+        /// Texels in the map.
+        limit: u64,
+    },
+    /// An input value is infinite or not a number.
+    #[error("{what} {index} is not finite; check the light, material or sky it comes from")]
+    NotFinite {
+        /// Name of the input.
+        what: &'static str,
+        /// Entry of that input.
+        index: usize,
+    },
+    /// The cap on albedo in the feedback is out of range.
+    #[error("feedback albedo cap is {found}, must lie in 0..=1")]
+    AlbedoCap {
+        /// The given cap.
+        found: f32,
+    },
+}

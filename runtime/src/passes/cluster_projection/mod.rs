@@ -1,0 +1,7 @@
+//! Cluster projection: probe radiance and sky to the few numbers that light a cluster, `S V^T lambda` (sec. 4.2).
+//!
+//! In: probe radiance `[n_probes, n_sh]` and SH of the sky. Out: cluster lights `[sum of n_coefficients]`, RGB.
+
+mod reference;
+
+pub use reference::cluster_projection;

@@ -1,0 +1,71 @@
+//! Direct light map: light, emission and the previous gather's irradiance to outgoing radiance (sec. 4.2).
+//!
+//! In: [`SurfaceTexels`] and the previous irradiance map. Out: level 0 of the light map, coverage 1 where a surface is.
+
+mod reference;
+
+pub use reference::direct_lightmap;
+
+use crate::error::RelightError;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// What the surface looks like in every covered texel of the direct light map. Arrays of equal length, one entry per
+/// covered texel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceTexels {
+    /// Texels per side; the file's `direct_size`.
+    pub size: u32,
+    /// Covered texels, `y * size + x`, rising.
+    pub index: Vec<u32>,
+    /// Diffuse albedo, linear Rec. 709.
+    pub albedo: Vec<Vec3>,
+    /// Emitted radiance, W sr^-1 m^-2.
+    pub emission: Vec<Vec3>,
+    /// Irradiance straight from punctual lights, W m^-2, shadows included. Neither emission nor sky belong here: they
+    /// arrive through the transport.
+    pub direct: Vec<Vec3>,
+}
+
+impl SurfaceTexels {
+    /// Number of covered texels.
+    pub fn len(&self) -> usize {
+        self.index.len()
+    }
+
+    /// True if no texel is covered.
+    pub fn is_empty(&self) -> bool {
+        self.index.is_empty()
+    }
+
+    /// Checks lengths, indices and values against a file's `direct_size`.
+    ///
+    /// # Errors
+    /// [`RelightError::MapSize`], [`RelightError::Length`], [`RelightError::TexelIndex`], [`RelightError::NotFinite`].
+    pub fn check(&self, direct_size: u32) -> Result<(), RelightError> {
+        if self.size != direct_size {
+            return Err(RelightError::MapSize { expected: direct_size, found: self.size });
+        }
+        let arrays =
+            [("surface albedo", &self.albedo), ("surface emission", &self.emission), ("surface direct", &self.direct)];
+        for (what, values) in arrays {
+            if values.len() != self.len() {
+                return Err(RelightError::Length { what, expected: self.len(), found: values.len() });
+            }
+        }
+        let limit = u64::from(self.size) * u64::from(self.size);
+        let is_bad = |position: usize| {
+            let index = self.index[position];
+            u64::from(index) >= limit || (position > 0 && self.index[position - 1] >= index)
+        };
+        if let Some(position) = (0..self.len()).into_par_iter().find_first(|&position| is_bad(position)) {
+            return Err(RelightError::TexelIndex { position, index: self.index[position], limit });
+        }
+        for (what, values) in arrays {
+            if let Some(index) = values.par_iter().position_first(|value| !value.is_finite()) {
+                return Err(RelightError::NotFinite { what, index });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,7 @@
+//! Gutter dilation: receiver irradiance to a map that can be read bilinearly, gutters filled from their own chart.
+//!
+//! In: irradiance `[n_receivers]`. Out: the receiver map, coverage 1 where a receiver or a gutter texel is.
+
+mod reference;
+
+pub use reference::gutter_dilation;

@@ -1,0 +1,7 @@
+//! Probe relight: the light map, read along every probe's relight rays, to SH radiance of the probes (sec. 4.2).
+//!
+//! In: the light map's levels and the sky along the ray directions. Out: probe radiance lambda `[n_probes, n_sh]`, RGB.
+
+mod reference;
+
+pub use reference::probe_relight;

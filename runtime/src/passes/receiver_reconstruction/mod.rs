@@ -1,0 +1,7 @@
+//! Receiver reconstruction: cluster lights to transported radiance coefficients, then to irradiance (sec. 4.2).
+//!
+//! In: cluster lights `[sum of n_coefficients]`. Out: `[n_receivers, n_k]` coefficients and `[n_receivers]` irradiance, RGB.
+
+mod reference;
+
+pub use reference::{receiver_irradiance, receiver_reconstruction};

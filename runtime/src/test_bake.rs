@@ -1,0 +1,129 @@
+//! Small baked files made by hand for tests.
+
+use glam::Vec3;
+use half::f16;
+use localprt_formats::directions::{counter_hash, counter_uniform, spherical_fibonacci};
+use localprt_formats::sh::{Basis, function_count};
+use localprt_formats::{BakedArrays, ClusterRecord, Probe};
+
+/// Relight rays of the bakes here.
+pub const N_RAYS: u32 = 1000;
+
+/// Rays and maps only: `n_probes` probes whose rays read level 0 of a `direct_size` map at the given uv.
+pub fn rays(n_probes: usize, probe_degree: u32, direct_size: u32, uv: impl Fn(Vec3) -> [f32; 2]) -> BakedArrays {
+    let mut arrays = BakedArrays::default();
+    let n_sh = function_count(probe_degree);
+    arrays.metadata.n_rays = N_RAYS;
+    arrays.metadata.probe_degree = probe_degree;
+    arrays.metadata.direct_size = direct_size;
+    arrays.metadata.lightmap_size = 4;
+    arrays.probes = vec![Probe { position: [0.0; 3], support_radius_m: 1.0 }; n_probes];
+    let basis = Basis::new(probe_degree);
+    let mut values = vec![0.0; n_sh];
+    for ray in 0..N_RAYS {
+        let direction = spherical_fibonacci(ray, N_RAYS);
+        basis.evaluate(direction, &mut values);
+        arrays.ray_dirs.push([direction[0], direction[1], direction[2], 0.0]);
+        arrays.ray_sh.extend(values.iter().map(|value| value * (4.0 * std::f32::consts::PI / N_RAYS as f32)));
+    }
+    for _ in 0..n_probes {
+        arrays.ray_uv.extend(arrays.ray_dirs.iter().map(|d| pack_uv(uv(Vec3::new(d[0], d[1], d[2])))));
+    }
+    arrays.ray_level = vec![0; n_probes * N_RAYS as usize];
+    arrays
+}
+
+/// Two unorm16, u low.
+pub fn pack_uv([u, v]: [f32; 2]) -> u32 {
+    ((u * 65535.0).round() as u32) | (((v * 65535.0).round() as u32) << 16)
+}
+
+/// A closed box: two probes see covered surface everywhere, the 16 receivers of a 4 x 4 map get the mean of both.
+///
+/// The direct map has 8 x 8 texels, rays read levels 0 to 4. The transport of irradiance from a constant radiance is
+/// [`furnace_gain`] times pi.
+pub fn furnace(probe_degree: u32) -> BakedArrays {
+    let mut arrays = rays(2, probe_degree, 8, |d| [0.5 * d.x + 0.5, 0.5 * d.y + 0.5]);
+    arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 5) as u8);
+    let n_sh = function_count(probe_degree);
+    let mut projection = vec![f16::ZERO; 2 * n_sh];
+    projection[0] = furnace_weight();
+    projection[n_sh] = furnace_weight();
+    arrays.projection = projection;
+    arrays.reconstruction = vec![f16::ONE; 16];
+    arrays.receiver_texel = (0..16).collect();
+    arrays.receiver_position = vec![[0.0; 3]; 16];
+    arrays.receiver_normal = vec![[0.0, 1.0, 0.0]; 16];
+    arrays.receiver_unseen = vec![0.0; 16];
+    arrays.cluster_probes = vec![0, 1];
+    arrays.clusters = vec![ClusterRecord { n_receivers: 16, n_probes: 2, n_coefficients: 1, ..Default::default() }];
+    arrays
+}
+
+/// Half of `pi / (sqrt(4 pi))`, rounded to f16: two probes with `lambda_00 = sqrt(4 pi) L` give `pi L`.
+fn furnace_weight() -> f16 {
+    f16::from_f64(std::f64::consts::PI.sqrt() / 4.0)
+}
+
+/// How much of the light comes back in the furnace: 1 but for the rounding of [`furnace_weight`].
+pub fn furnace_gain() -> f64 {
+    f64::from(furnace_weight()) * 4.0 / std::f64::consts::PI.sqrt()
+}
+
+/// A bake of random weights: several clusters of odd sizes with and without sky, one that sees nothing, one receiver
+/// without cluster at the end.
+pub fn random(probe_degree: u32, receiver_degree: u32, sky_degree: u32) -> BakedArrays {
+    let mut arrays = rays(5, probe_degree, 8, |d| [0.5 * d.x + 0.5, 0.5 * d.z + 0.5]);
+    arrays.metadata.receiver_degree = receiver_degree;
+    arrays.metadata.sky_degree = sky_degree;
+    let (n_sh, n_k, n_sky) = (arrays.metadata.n_sh(), arrays.metadata.n_k(), arrays.metadata.n_sky());
+    let mut counter = 0;
+    let mut weight = || {
+        counter += 1;
+        f16::from_f64(counter_uniform(7, 0, counter) - 0.5)
+    };
+    let mut first_light = 0;
+    for (n_receivers, probes, n_sky, n_coefficients) in
+        [(3u32, vec![4u32, 0, 2], n_sky, 3u32), (2, vec![], 0, 0), (5, vec![1], 0, 1), (1, vec![], n_sky, 2)]
+    {
+        let record = ClusterRecord {
+            first_receiver: arrays.receiver_texel.len() as u32,
+            n_receivers,
+            first_probe: arrays.cluster_probes.len() as u32,
+            n_probes: probes.len() as u32,
+            n_sky: n_sky as u32,
+            n_coefficients,
+            first_light,
+            projection_pair: (arrays.projection.len() / 2) as u32,
+            reconstruction_pair: (arrays.reconstruction.len() / 2) as u32,
+            reserved: 0,
+        };
+        first_light += n_coefficients;
+        let n_columns = probes.len() * n_sh + n_sky;
+        fill_block(&mut arrays.projection, n_coefficients as usize * n_columns, &mut weight);
+        fill_block(&mut arrays.reconstruction, n_receivers as usize * n_k * n_coefficients as usize, &mut weight);
+        arrays.cluster_probes.extend(probes);
+        arrays.receiver_texel.extend(record.first_receiver..record.first_receiver + n_receivers);
+        arrays.clusters.push(record);
+    }
+    arrays.receiver_texel.push(15);
+    let n_receivers = arrays.receiver_texel.len();
+    arrays.receiver_normal =
+        (0..n_receivers).map(|receiver| spherical_fibonacci(receiver as u32, n_receivers as u32)).collect();
+    arrays.receiver_position = vec![[0.0; 3]; n_receivers];
+    arrays.receiver_unseen = vec![0.0; n_receivers];
+    arrays.gutters = vec![[13, 0], [14, 4]];
+    arrays
+}
+
+fn fill_block(array: &mut Vec<f16>, len: usize, weight: &mut impl FnMut() -> f16) {
+    array.extend((0..len).map(|_| weight()));
+    // Padding to pairs that must never be read: it would show.
+    array.extend((len % 2 == 1).then_some(f16::NAN));
+}
+
+/// Repeatable colours in -0.5..0.5.
+pub fn random_colors(stream: u64, n: usize) -> Vec<Vec3> {
+    let random = |counter: u64| counter_uniform(counter_hash(3, stream, 0), 1, counter) as f32 - 0.5;
+    (0..n as u64).map(|i| Vec3::new(random(3 * i), random(3 * i + 1), random(3 * i + 2))).collect()
+}
