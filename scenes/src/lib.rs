@@ -7,5 +7,5 @@
 pub mod lighting;
 pub mod scene;
 
-pub use lighting::{Light, LightKind, Lighting, MaterialOverride, Sky};
+pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{AlphaMode, Camera, FaceId, Image, Material, Mesh, Scene, Texture, TextureRef, Wrap};

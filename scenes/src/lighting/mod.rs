@@ -1,4 +1,20 @@
 //! What shines: punctual lights, sky, material overrides.
+//!
+//! A [`Lighting`] comes from a JSON file ([`Lighting::load_for`]) or from the scene's own lights
+//! ([`Lighting::of_scene`]). It is evaluated at points ([`Light::incident`]), in directions ([`Sky::radiance`]) and on
+//! surfaces ([`SurfaceShading`]). Visibility and everything that bounces is left to the callers.
+
+mod equirect;
+mod error;
+
+mod json;
+mod punctual;
+mod shading;
+mod sky;
+
+pub use error::LightingError;
+pub use punctual::Incident;
+pub use shading::SurfaceShading;
 
 use glam::Vec3;
 use std::collections::BTreeMap;
@@ -78,7 +94,7 @@ pub enum Sky {
         pixels: Vec<Vec3>,
         /// Factor on all pixels.
         scale: f32,
-        /// Degrees about +Y.
+        /// Degrees about +Y by the right-hand rule: positive turns the picture counter-clockwise seen from above.
         rotation: f32,
     },
 }
