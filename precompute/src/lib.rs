@@ -1,7 +1,12 @@
 //! Bakes local-reconstruction precomputed radiance transfer (Silvennoinen and Lehtinen 2017).
 
+pub mod error;
 pub mod lightmap;
+pub mod output;
+pub mod picture;
 pub mod probes;
+pub mod progress;
 pub mod rays;
+pub mod report;
 pub mod settings;
 pub mod voxels;
