@@ -2,10 +2,15 @@
 
 pub mod clusters;
 pub mod compress;
+pub mod error;
 pub mod lightmap;
+pub mod output;
+pub mod picture;
 pub mod probes;
+pub mod progress;
 pub mod rays;
 pub mod relight_rays;
+pub mod report;
 pub mod settings;
 pub mod transport;
 pub mod voxels;

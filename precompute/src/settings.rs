@@ -1,4 +1,15 @@
 //! Options of a bake: unit, range, default and source of each.
+//!
+//! [`BakeSettings::resolve`] puts the layers together: flags over a configuration file over a [`Preset`] over the
+//! defaults; [`BakeSettings::check`] holds the ranges.
+
+mod layers;
+mod preset;
+mod ranges;
+
+pub use layers::{FLAG_LAYER, SettingsError};
+pub use preset::Preset;
+pub use ranges::OutOfRange;
 
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,273 @@
+//! The report of a bake: what was made, how good it is, what it cost.
+//!
+//! `precompute bake --report` writes it as JSON; a copy without anything that changes from run to run lies in the baked
+//! file.
+
+use crate::settings::BakeSettings;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Everything worth knowing about a bake. Fields up to `threads` are the documented ones, in their order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct BakeReport {
+    /// The input.
+    pub scene: SceneFacts,
+    /// Options as they were in force.
+    pub options: BakeSettings,
+    /// Receivers in the file.
+    pub receivers: u64,
+    /// Covered texels without receiver: every sample point lies inside or behind geometry.
+    pub invalid_receivers: u64,
+    /// Radiance probes.
+    pub probes: u64,
+    /// Support radius of the probes, metres.
+    pub radius: f32,
+    /// Supporting probes per receiver.
+    pub overlap: Overlap,
+    /// Clusters.
+    pub clusters: u64,
+    /// Mean over receivers of the kept singular values of their cluster.
+    pub coefficients_per_receiver: f64,
+    /// Mean over clusters of their supporting probes.
+    pub probes_per_cluster: f64,
+    /// Rays traced by the bake.
+    pub rays: u64,
+    /// Cosine-weighted share of directions whose surface no supporting probe sees, over receivers.
+    pub unseen: Unseen,
+    /// What compression changed.
+    pub compression: Compression,
+    /// Sizes.
+    pub bytes: Bytes,
+    /// Wall time by stage.
+    pub stages: Vec<StageTime>,
+    /// Wall time in all.
+    pub seconds: f64,
+    /// Largest resident size of the process; 0 where the system does not say.
+    pub peak_rss_bytes: u64,
+    /// Threads of the bake.
+    pub threads: u64,
+    /// How the scene got its layout.
+    pub atlas: AtlasFacts,
+    /// How the probes were placed.
+    pub placement: PlacementFacts,
+    /// Receiver pairs on both sides of a chart seam.
+    pub seams: u64,
+    /// What the user was warned of.
+    pub warnings: Vec<String>,
+}
+
+/// The input of a bake.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SceneFacts {
+    /// After dropping unusable ones.
+    pub triangles: u64,
+    /// Materials.
+    pub materials: u64,
+    /// BLAKE3 of the scene and its files, in hex.
+    pub hash: String,
+    /// Triangles left out: no area.
+    pub degenerate: u64,
+    /// Triangles left out: repeated.
+    pub duplicate: u64,
+}
+
+/// Supporting probes per receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Overlap {
+    /// Over all receivers.
+    pub mean: f32,
+    /// Fewest.
+    pub min: u32,
+    /// Most.
+    pub max: u32,
+}
+
+/// Shares over all receivers, 0..=1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Unseen {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// 95 % of the receivers have at most this.
+    pub p95: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Unseen {
+    /// Of `[n_receivers]` shares; zeros without receivers.
+    pub fn of(shares: &[f32]) -> Self {
+        let mut sorted = shares.to_vec();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let Some(&max) = sorted.last() else { return Self::default() };
+        let mean = shares.iter().map(|&share| f64::from(share)).sum::<f64>() / shares.len() as f64;
+        // Nearest rank: the smallest value that at least 95 % do not exceed.
+        let rank = (sorted.len() * 95).div_ceil(100);
+        Self { mean, p95: sorted[rank - 1].into(), max: max.into() }
+    }
+}
+
+/// RMS over the transport row of one receiver of what truncation and storage changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Compression {
+    /// Over all receivers.
+    pub rms_error: f64,
+    /// Of the worst cluster.
+    pub max_error: f64,
+}
+
+/// Sizes in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Bytes {
+    /// `S V^T` of all clusters.
+    pub projection: u64,
+    /// `U` of all clusters.
+    pub reconstruction: u64,
+    /// Relight rays: directions, basis, lookups.
+    pub relight: u64,
+    /// The whole file.
+    pub file: u64,
+}
+
+/// Wall time of a stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Name as shown.
+    pub name: String,
+    /// Wall time.
+    pub seconds: f64,
+}
+
+/// How the scene got its lightmap coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AtlasFacts {
+    /// They are made by the bake; the scene's own were kept otherwise.
+    pub unwrapped: bool,
+    /// Why, if the scene had some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// Receiver map, texels per side.
+    pub lightmap: u32,
+    /// Direct light map, texels per side.
+    pub direct_map: u32,
+    /// Charts.
+    pub charts: u64,
+    /// Faces added for the back sides of double-sided surfaces.
+    pub back_faces: u64,
+    /// Receiver texels that a face covers.
+    pub covered_texels: u64,
+    /// Receivers moved out of the way of near geometry.
+    pub pushed_receivers: u64,
+}
+
+/// How the probes were placed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PlacementFacts {
+    /// Probe spacing in force, metres.
+    pub spacing: f32,
+    /// Voxel size in force, metres.
+    pub voxel: f32,
+    /// Candidates before thinning.
+    pub candidates: u64,
+    /// Candidates rejected for back faces or clearance.
+    pub rejected: u64,
+    /// Probes added by the coverage repair.
+    pub repaired: u64,
+}
+
+impl BakeReport {
+    /// The report as `--report` writes it.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// The copy for the baked file: the same for the same input and options on any machine and thread count, so without
+    /// times, memory, threads and the size of the file it is part of.
+    pub fn to_embedded_json(&self) -> String {
+        let mut value = serde_json::to_value(self).unwrap_or_default();
+        if let Some(fields) = value.as_object_mut() {
+            for name in ["stages", "seconds", "peak_rss_bytes", "threads"] {
+                fields.shift_remove(name);
+            }
+            if let Some(bytes) = fields.get_mut("bytes").and_then(Value::as_object_mut) {
+                bytes.shift_remove("file");
+            }
+        }
+        value.to_string()
+    }
+}
+
+/// Largest resident size of this process so far; `None` where the system does not say.
+pub fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?;
+    Some(kibibytes.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Bytes as lower-case hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(value: &Value) -> Vec<&str> {
+        value.as_object().expect("an object").keys().map(String::as_str).collect()
+    }
+
+    #[test]
+    fn documented_fields_come_first_and_in_their_order() {
+        let report = BakeReport { stages: vec![StageTime::default()], ..BakeReport::default() };
+        let json: Value = serde_json::from_str(&report.to_json()).expect("JSON");
+        let documented = "scene options receivers invalid_receivers probes radius overlap clusters \
+            coefficients_per_receiver probes_per_cluster rays unseen compression bytes stages seconds peak_rss_bytes \
+            threads";
+        assert_eq!(keys(&json)[..18].join(" "), documented);
+        assert_eq!(keys(&json["scene"])[..3].join(" "), "triangles materials hash");
+        assert_eq!(keys(&json["overlap"]).join(" "), "mean min max");
+        assert_eq!(keys(&json["unseen"]).join(" "), "mean p95 max");
+        assert_eq!(keys(&json["compression"]).join(" "), "rms_error max_error");
+        assert_eq!(keys(&json["bytes"]).join(" "), "projection reconstruction relight file");
+        assert_eq!(keys(&json["stages"][0]).join(" "), "name seconds");
+        assert_eq!(serde_json::from_value::<BakeReport>(json).expect("a report"), report);
+    }
+
+    #[test]
+    fn the_embedded_copy_does_not_change_from_run_to_run() {
+        let first = BakeReport { seconds: 1.0, threads: 1, peak_rss_bytes: 5, receivers: 9, ..BakeReport::default() };
+        let stages = vec![StageTime { name: "unwrap".into(), seconds: 3.0 }];
+        let bytes = Bytes { file: 7, ..first.bytes };
+        let second = BakeReport { seconds: 2.0, threads: 8, peak_rss_bytes: 6, stages, bytes, ..first.clone() };
+        assert_eq!(first.to_embedded_json(), second.to_embedded_json());
+        let other = BakeReport { receivers: 10, ..first.clone() };
+        assert_ne!(first.to_embedded_json(), other.to_embedded_json());
+    }
+
+    #[test]
+    fn shares_are_summed_up_by_nearest_rank() {
+        let shares: Vec<f32> = (1..=100).rev().map(|share| share as f32 / 100.0).collect();
+        let unseen = Unseen::of(&shares);
+        // f32 shares: each within 2^-24 of its decimal.
+        assert!((unseen.mean - 0.505).abs() < 1e-7);
+        assert_eq!((unseen.p95, unseen.max), (f64::from(0.95f32), 1.0));
+        assert_eq!(Unseen::of(&[0.5]), Unseen { mean: 0.5, p95: 0.5, max: 0.5 });
+        assert_eq!(Unseen::of(&[]), Unseen::default());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn peak_memory_is_known_on_linux() {
+        assert!(peak_rss_bytes().is_some_and(|bytes| bytes > 100_000));
+    }
+}

@@ -1,0 +1,274 @@
+//! Flags over a configuration file over a preset: how the settings of a bake come together.
+
+use super::{BakeSettings, OutOfRange, Preset};
+use toml::{Table, Value};
+
+/// Name under which errors report the layer of the flags.
+pub const FLAG_LAYER: &str = "command line";
+
+/// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
+const KEYS: [&str; 21] = [
+    "spacing",
+    "probes",
+    "voxel",
+    "interior",
+    "overlap",
+    "min_overlap",
+    "repair",
+    "probe_degree",
+    "receiver_degree",
+    "sky_degree",
+    "lightmap",
+    "texel",
+    "direct_map",
+    "gather_rays",
+    "relight_rays",
+    "leaf",
+    "threshold",
+    "coefficients",
+    "unwrap",
+    "seed",
+    "max_unseen",
+];
+
+/// Why a set of options is refused. `layer` is a configuration file's name, or [`FLAG_LAYER`].
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// Not TOML.
+    #[error("{layer}: not valid TOML: {what} (line {line}, column {column})")]
+    Syntax {
+        /// Where it was given.
+        layer: String,
+        /// What the parser met.
+        what: String,
+        /// First is 1.
+        line: usize,
+        /// First is 1.
+        column: usize,
+    },
+    /// No such option.
+    #[error("{layer}: unknown option `{key}`")]
+    UnknownKey {
+        /// Where it was given.
+        layer: String,
+        /// As written.
+        key: String,
+        /// The nearest option there is.
+        nearest: Option<&'static str>,
+    },
+    /// A value of another type.
+    #[error("{layer}: option `{key}`: {what}")]
+    WrongType {
+        /// Where it was given.
+        layer: String,
+        /// The option.
+        key: String,
+        /// What is expected.
+        what: String,
+    },
+    /// A value that is not allowed.
+    #[error("{}", range_text(layer, error))]
+    Range {
+        /// Where it was given.
+        layer: String,
+        /// Which, and what is allowed.
+        error: OutOfRange,
+    },
+}
+
+/// Names the flag, or the file and its key.
+fn range_text(layer: &str, error: &OutOfRange) -> String {
+    if layer != FLAG_LAYER {
+        return format!("{layer}: {error}");
+    }
+    let OutOfRange { key, value, allowed } = error;
+    format!("--{} {value} is out of range; allowed: {allowed}", key.replace('_', "-"))
+}
+
+impl SettingsError {
+    /// What to do about it.
+    pub fn help(&self) -> String {
+        match self {
+            Self::Syntax { .. } | Self::WrongType { .. } => {
+                "`precompute bake --print-config` prints a file with all options to start from".into()
+            }
+            Self::UnknownKey { nearest: Some(nearest), .. } => format!("did you mean `{nearest}`?"),
+            Self::UnknownKey { nearest: None, .. } => {
+                "`precompute bake --print-config` prints all options there are".into()
+            }
+            Self::Range { layer, .. } if layer == FLAG_LAYER => "`precompute bake --help` tells what it is for".into(),
+            Self::Range { error, .. } => format!("correct `{}` there, or override it on the command line", error.key),
+        }
+    }
+}
+
+impl BakeSettings {
+    /// Flags over configuration over preset over defaults. `config` is the file's name and text; `flags` holds the
+    /// options given on the command line, by key.
+    ///
+    /// The receiver map has a size in texels or in metres per texel; a layer that gives one of them overrules the
+    /// other one of the layers below.
+    ///
+    /// # Errors
+    /// [`SettingsError`] with the layer that is to blame.
+    pub fn resolve(preset: Preset, config: Option<(&str, &str)>, flags: &Table) -> Result<Self, SettingsError> {
+        let mut table = Table::try_from(preset.settings()).unwrap_or_default();
+        let mut layer_of: Vec<(String, String)> = Vec::new();
+        if let Some((name, text)) = config {
+            let config = parse(name, text)?;
+            overlay(&mut table, &config, name, &mut layer_of)?;
+        }
+        overlay(&mut table, flags, FLAG_LAYER, &mut layer_of)?;
+        let layer = |key: &str| {
+            let given = layer_of.iter().rev().find(|(held, _)| held == key);
+            given.map_or_else(|| format!("preset {preset}"), |(_, layer)| layer.clone())
+        };
+        let settings: Self = Value::Table(table).try_into().map_err(|error: toml::de::Error| {
+            // The values of each layer were tried one by one before, so no key is at fault here.
+            SettingsError::WrongType { layer: FLAG_LAYER.into(), key: String::new(), what: error.message().into() }
+        })?;
+        settings.check().map_err(|error| SettingsError::Range { layer: layer(error.key), error })?;
+        Ok(settings)
+    }
+
+    /// The text of a configuration file with these settings: [`BakeSettings::resolve`] reads it back to the same.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+}
+
+fn parse(layer: &str, text: &str) -> Result<Table, SettingsError> {
+    text.parse::<Table>().map_err(|error| {
+        let before = &text[..error.span().map_or(0, |span| text.floor_char_boundary(span.start))];
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|&letter| letter != '\n').count() + 1;
+        SettingsError::Syntax { layer: layer.into(), what: one_line(error.message()), line, column }
+    })
+}
+
+fn overlay(
+    table: &mut Table,
+    from: &Table,
+    layer: &str,
+    layer_of: &mut Vec<(String, String)>,
+) -> Result<(), SettingsError> {
+    for (key, value) in from {
+        if !KEYS.contains(&key.as_str()) {
+            return Err(SettingsError::UnknownKey { layer: layer.into(), key: key.clone(), nearest: nearest(key) });
+        }
+        let alone = Table::from_iter([(key.clone(), value.clone())]);
+        Value::Table(alone).try_into::<BakeSettings>().map_err(|error| SettingsError::WrongType {
+            layer: layer.into(),
+            key: key.clone(),
+            what: one_line(error.message()),
+        })?;
+        layer_of.push((key.clone(), layer.into()));
+        table.insert(key.clone(), value.clone());
+    }
+    if from.contains_key("lightmap") && !from.contains_key("texel") {
+        table.remove("texel");
+    }
+    Ok(())
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The option whose name needs the fewest edits, if that is at most a third of its letters; dashes count as
+/// underscores.
+fn nearest(key: &str) -> Option<&'static str> {
+    let key = key.to_lowercase().replace('-', "_");
+    let (edits, name) = KEYS.iter().map(|&name| (distance(&key, name), name)).min()?;
+    (edits <= name.len().div_ceil(3)).then_some(name)
+}
+
+/// Levenshtein distance in bytes.
+fn distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, left) in a.bytes().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, right) in b.bytes().enumerate() {
+            let replaced = diagonal + usize::from(left != right);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::UnwrapBackend;
+
+    fn full() -> BakeSettings {
+        BakeSettings {
+            spacing: Some(0.1),
+            probes: Some(150),
+            voxel: Some(0.01),
+            interior: vec![[0.1, 1.0, -2.5], [0.0, 0.0, 0.0]],
+            texel: Some(0.05),
+            unwrap: UnwrapBackend::Xatlas,
+            max_unseen: Some(0.25),
+            ..BakeSettings::default()
+        }
+    }
+
+    #[test]
+    fn keys_are_the_fields_of_the_settings_in_their_order() {
+        let json = serde_json::to_value(full()).expect("settings are plain data");
+        let fields: Vec<&str> = json.as_object().expect("a struct").keys().map(String::as_str).collect();
+        assert_eq!(fields, KEYS);
+    }
+
+    #[test]
+    fn text_reads_back_to_the_same_settings() {
+        for settings in [full(), BakeSettings::default(), Preset::Preview.settings()] {
+            let text = settings.to_toml();
+            // A preset that differs everywhere possible must be overruled by the file.
+            let read = BakeSettings::resolve(Preset::Medium, Some(("c.toml", &text)), &Table::new());
+            assert_eq!(read.expect("valid"), settings, "{text}");
+        }
+        assert!(BakeSettings::default().to_toml().contains("threshold = 0.005\n"));
+    }
+
+    #[test]
+    fn flags_win_over_the_file_and_the_file_over_the_preset() {
+        let flags: Table = "gather_rays = 7".parse().expect("TOML");
+        let config = "gather_rays = 8\nrelight_rays = 9\n";
+        let settings = BakeSettings::resolve(Preset::Preview, Some(("c.toml", config)), &flags).expect("valid");
+        assert_eq!((settings.gather_rays, settings.relight_rays, settings.lightmap), (7, 9, 512));
+    }
+
+    #[test]
+    fn a_map_size_overrules_a_texel_size_of_a_lower_layer() {
+        let flags: Table = "lightmap = 256".parse().expect("TOML");
+        let config = Some(("c.toml", "texel = 0.1"));
+        assert_eq!(BakeSettings::resolve(Preset::Production, config, &flags).expect("valid").texel, None);
+        let both = BakeSettings::resolve(Preset::Production, config, &Table::new()).expect("valid");
+        assert_eq!(both.texel, Some(0.1));
+    }
+
+    #[test]
+    fn errors_name_layer_key_and_remedy() {
+        let refused = |config: &str, flags: &str| {
+            let flags: Table = flags.parse().expect("TOML");
+            let error = BakeSettings::resolve(Preset::Production, Some(("c.toml", config)), &flags);
+            let error = error.expect_err("to be refused");
+            format!("{error} / {}", error.help())
+        };
+        let text = refused("gather_ray = 3", "");
+        assert_eq!(text, "c.toml: unknown option `gather_ray` / did you mean `gather_rays`?");
+        assert!(refused("gather-rays = 3", "").ends_with("did you mean `gather_rays`?"));
+        assert!(refused("quality = 3", "").contains("--print-config"));
+        assert!(refused("gather_rays = 'many'", "").starts_with("c.toml: option `gather_rays`: invalid type"));
+        let text = refused("leaf = 0", "");
+        assert!(text.starts_with("c.toml: leaf = 0 is out of range; allowed: 2 to 65536 /"), "{text}");
+        let text = refused("", "leaf = 1");
+        assert!(text.starts_with("--leaf 1 is out of range; allowed: 2 to 65536"), "{text}");
+        assert!(refused("seed = 1\nleaf = = 2", "").contains("(line 2, column 8)"));
+    }
+}

@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# Bakes and relights the Cornell box and names the pictures. No GPU needed.
+#   scripts/demo.sh [FOLDER]     default: localprt-demo
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+scripts/setup.sh
+cargo build --release --workspace
+target=${CARGO_TARGET_DIR:-target}
+exec "$target/release/precompute" demo -o "${1:-localprt-demo}"

@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# Finds what is missing to build and test localprt, and installs it with apt where there is apt and root.
+# Baking needs nothing but Rust. Optional tools that cannot be had are named, and are no failure unless asked for:
+#   scripts/setup.sh                     Rust and a linker
+#   scripts/setup.sh --require-xatlas    a C++ compiler and libclang as well, or exit code 1
+# With --print-xatlas the last line on standard output is "yes" or "no": whether the feature xatlas can be built.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+require_xatlas=false
+print_xatlas=false
+for argument in "$@"; do
+    case $argument in
+        --require-xatlas) require_xatlas=true ;;
+        --print-xatlas) print_xatlas=true ;;
+        *)
+            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --print-xatlas)" >&2
+            exit 2
+            ;;
+    esac
+done
+
+say() { echo "setup: $*" >&2; }
+has() { command -v "$1" >/dev/null 2>&1; }
+
+updated=false
+# Installs packages if this machine lets us; says why not otherwise.
+install() {
+    if ! has apt-get; then
+        say "cannot install $*: there is no apt-get here"
+        return 1
+    fi
+    if [ "$(id -u)" -ne 0 ]; then
+        say "cannot install $* without root; run: sudo apt-get install --no-install-recommends $*"
+        return 1
+    fi
+    export DEBIAN_FRONTEND=noninteractive
+    say "installing $*"
+    if ! $updated && ! apt-get install -y -qq --no-install-recommends "$@" >/dev/null 2>&1; then
+        # No or stale package lists: once per run.
+        apt-get update -qq >&2 || say "the package lists could not be updated"
+        updated=true
+    fi
+    apt-get install -y -qq --no-install-recommends "$@" >&2 </dev/null || {
+        say "apt-get could not install $*"
+        return 1
+    }
+}
+
+has_libclang() {
+    if [ -n "${LIBCLANG_PATH:-}" ]; then
+        compgen -G "$LIBCLANG_PATH/libclang*.so*" >/dev/null || [ -f "$LIBCLANG_PATH" ]
+        return
+    fi
+    compgen -G "/usr/lib/llvm-*/lib/libclang*.so*" | grep -qv cpp && return
+    compgen -G "/usr/lib*/libclang*.so*" | grep -qv cpp && return
+    compgen -G "/usr/lib/*-linux-gnu*/libclang*.so*" | grep -qv cpp && return
+    compgen -G "/opt/homebrew/opt/llvm/lib/libclang.dylib" >/dev/null && return
+    compgen -G "/Library/Developer/CommandLineTools/usr/lib/libclang.dylib" >/dev/null
+}
+
+# libclang-dev brings the compiler's own headers, which the bindings need too.
+has_clang_headers() {
+    [ -n "${BINDGEN_EXTRA_CLANG_ARGS:-}" ] || [ "$(uname)" = Darwin ] ||
+        compgen -G "/usr/lib*/llvm*/lib/clang/*/include/stddef.h" >/dev/null ||
+        compgen -G "/usr/lib*/clang/*/include/stddef.h" >/dev/null
+}
+
+# Needed by everything.
+if ! has cargo; then
+    say "Rust is missing; install it with: curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh"
+    exit 1
+fi
+needed=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+found=$(rustc --version | cut -d' ' -f2)
+if [ "$(printf '%s\n%s\n' "$needed" "$found" | sort -V | head -n1)" != "$needed" ]; then
+    say "Rust $needed is needed, this is $found; run: rustup update"
+    exit 1
+fi
+if ! has cc && ! install gcc libc6-dev; then
+    say "a C compiler is missing (Rust links with it); install gcc or clang"
+    exit 1
+fi
+
+# Needed by the feature xatlas only.
+xatlas=yes
+if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
+    xatlas=no
+fi
+if { ! has_libclang || ! has_clang_headers; } && ! install libclang-dev; then
+    xatlas=no
+fi
+if [ $xatlas = no ]; then
+    say "the unwrap backend xatlas needs a C++ compiler and libclang (Debian, Ubuntu: g++ libclang-dev;" \
+        "Fedora: gcc-c++ clang-devel; macOS: brew install llvm)"
+    if $require_xatlas; then
+        exit 1
+    fi
+    say "going on without it; the default backend is not affected"
+fi
+if $print_xatlas; then
+    echo $xatlas
+fi

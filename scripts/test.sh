@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Everything that CI runs: format, lints, documentation, tests. All in one profile, with one set of features and one
+# target folder, so that every dependency is built once.
+#   CI=true    requires what is optional elsewhere: the feature xatlas
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+if [ "${CI:-}" = true ]; then
+    xatlas=$(scripts/setup.sh --require-xatlas --print-xatlas)
+else
+    xatlas=$(scripts/setup.sh --print-xatlas)
+fi
+features=()
+if [ "$xatlas" = yes ]; then
+    features=(--features localprt-precompute/xatlas)
+fi
+
+step() {
+    echo "== $*" >&2
+    "$@"
+}
+
+step cargo fmt --all --check
+step cargo clippy --release --workspace --all-targets "${features[@]}" -- -D warnings
+RUSTDOCFLAGS="-D warnings" step cargo doc --release --workspace --no-deps "${features[@]}"
+step cargo test --release --workspace --all-targets "${features[@]}"
+# Examples in the documentation are no target of their own.
+step cargo test --release --workspace --doc "${features[@]}"
+if [ "$xatlas" = no ]; then
+    echo "== all passed; not tested: the feature xatlas (scripts/setup.sh says what it needs)" >&2
+else
+    echo "== all passed" >&2
+fi
