@@ -58,6 +58,14 @@ pub enum BakeError {
     /// An option's value.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// Options that do not fit the scene.
+    #[error("{what}")]
+    Option {
+        /// What is wrong, with the option's name.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
     /// Options that ask for more than a limit allows.
     #[error("{what}: needs {needed}, allowed is {allowed}")]
     Limit {
@@ -109,7 +117,7 @@ impl BakeError {
     pub fn exit(&self) -> Exit {
         match self {
             Self::Scene { .. } => Exit::InvalidInput,
-            Self::Settings(_) | Self::Limit { .. } => Exit::Usage,
+            Self::Settings(_) | Self::Option { .. } | Self::Limit { .. } => Exit::Usage,
             Self::Unsupported { .. } => Exit::Unsupported,
             Self::Quality { .. } => Exit::Quality,
             Self::Output(_) => Exit::Io,
@@ -249,6 +257,7 @@ impl From<BakeError> for CommandError {
         match error {
             BakeError::Scene { place, remedy, .. } => Self { place, ..shown }.help(remedy),
             BakeError::Limit { remedy, .. }
+            | BakeError::Option { remedy, .. }
             | BakeError::Unsupported { remedy, .. }
             | BakeError::Quality { remedy, .. } => shown.help(remedy),
             BakeError::Settings(error) => error.into(),

@@ -53,6 +53,12 @@ pub struct BakeReport {
     pub placement: PlacementFacts,
     /// Receiver pairs on both sides of a chart seam.
     pub seams: u64,
+    /// Closest-hit rays of the receivers.
+    pub gather_rays: u64,
+    /// Visibility rays between surface points and probes.
+    pub visibility_rays: u64,
+    /// What the relight rays of all probes met.
+    pub relight: RelightFacts,
     /// What the user was warned of.
     pub warnings: Vec<String>,
 }
@@ -116,7 +122,7 @@ impl Unseen {
 pub struct Compression {
     /// Over all receivers.
     pub rms_error: f64,
-    /// Of the worst cluster.
+    /// Of the worst row of all receivers.
     pub max_error: f64,
 }
 
@@ -180,6 +186,35 @@ pub struct PlacementFacts {
     pub rejected: u64,
     /// Probes added by the coverage repair.
     pub repaired: u64,
+}
+
+/// Relight rays by what they met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RelightFacts {
+    /// A face with lightmap texels.
+    pub surface: u64,
+    /// Of those, rays that read the nearest texel of their chart because their own place has none.
+    pub moved: u64,
+    /// Nothing: they read the sky.
+    pub sky: u64,
+    /// The black back of a one-sided surface.
+    pub black: u64,
+    /// A face without texels near by: black.
+    pub unmapped: u64,
+}
+
+impl RelightFacts {
+    /// The counts of a bake.
+    pub fn of(counts: &crate::relight_rays::RelightCounts) -> Self {
+        Self {
+            surface: counts.surface,
+            moved: counts.moved,
+            sky: counts.sky,
+            black: counts.black,
+            unmapped: counts.unmapped,
+        }
+    }
 }
 
 impl BakeReport {

@@ -7,6 +7,8 @@
 
 mod gather;
 mod kernel;
+#[cfg(test)]
+mod tests;
 
 pub use gather::GatherSet;
 

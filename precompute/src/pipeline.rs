@@ -1,0 +1,389 @@
+//! The bake: the only file that knows the order of the stages. Reads like section 4.1 of the paper.
+
+use crate::{
+    clusters::{Cluster, RefineSettings, leaves, refine},
+    error::BakeError,
+    lightmap::{Atlas, LayoutReport, ReceiverSet, receivers, sides, texels, unwrap},
+    probes::{self, PlacementReport, ProbeSet, Support},
+    progress::Progress,
+    rays::{RayCaster, TreeError},
+    relight_rays::{self, RelightRays},
+    report::{
+        AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen, hex,
+        peak_rss_bytes,
+    },
+    settings::BakeSettings,
+    transport::{GatherSet, RayCounts, TransportScene},
+    voxels::{self, VoxelGrid},
+};
+use half::f16;
+use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, sh};
+use localprt_scenes::Scene;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// What a bake makes.
+#[derive(Debug)]
+pub struct BakeOutput {
+    /// Content of the baked file; `scene_path` and `scene_hash` are the caller's to fill in, as it knows where the scene
+    /// with the lightmap coordinates goes.
+    pub arrays: BakedArrays,
+    /// The scene with its lightmap coordinates as TEXCOORD_1.
+    pub scene: Scene,
+    /// Whether those coordinates are new, so that the scene has to be written beside the baked file.
+    pub unwrapped: bool,
+    /// Facts and figures; `bytes.file` is the caller's to fill in.
+    pub report: BakeReport,
+}
+
+/// A leaf's clusters and the rays they cost.
+struct LeafResult {
+    clusters: Vec<Cluster>,
+    rays: RayCounts,
+}
+
+/// Bakes a scene. The same scene and settings give the same bytes on any number of threads.
+///
+/// # Errors
+/// Those of the stages, by who can act; see [`BakeError`].
+pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Result<BakeOutput, BakeError> {
+    let started = Instant::now();
+    settings.check()?;
+    let source = scene_facts(&scene);
+    if scene.face_count() == 0 {
+        return Err(BakeError::Scene {
+            what: "the scene has no triangles".into(),
+            place: None,
+            remedy: "export meshes, not only points, lines or cameras".into(),
+        });
+    }
+
+    // Space: which side of a surface light can reach.
+    let bounds = scene.bounds().unwrap_or_default();
+    let rho = voxels::spacing(bounds, settings).map_err(voxel_error)?;
+    let (grid, scene, layout) = {
+        let caster = RayCaster::new(&scene).map_err(tree_error)?;
+        let grid = {
+            let _stage = progress.stage("voxelize", 0);
+            VoxelGrid::build(&scene, &caster, rho, settings).map_err(voxel_error)?
+        };
+        progress.check()?;
+        let _stage = progress.stage("unwrap", 0);
+        let (scene, layout) = layout(&scene, &caster, &grid, settings, progress)?;
+        (grid, scene, layout)
+    };
+    progress.check()?;
+
+    // Receivers: texels of the lightmap.
+    let caster = RayCaster::new(&scene).map_err(tree_error)?;
+    let atlas = Atlas::of(&scene);
+    let receivers = {
+        let stage = progress.stage("receivers", 0);
+        receivers::place(&scene, &atlas, &caster, layout.size, &|done| stage.inc(done))
+    };
+    progress.check()?;
+    if receivers.is_empty() {
+        return Err(BakeError::Scene {
+            what: "no texel of the lightmap is a receiver: every surface lies inside or behind geometry".into(),
+            place: None,
+            remedy: "check that front faces look into the space to light".into(),
+        });
+    }
+
+    // Probes, their radius, and who supports whom.
+    let (probes, support, placement) = {
+        let _stage = progress.stage("probes", 0);
+        probes::place(&caster, &grid, rho, &receivers.position, &receivers.geometric_normal, settings)
+            .map_err(placement_error)?
+    };
+    drop(grid);
+    progress.check()?;
+    let probe_basis = sh::Basis::new(settings.probe_degree);
+    let rays = {
+        let _stage = progress.stage("relight rays", 0);
+        let direct = texels::cover(&scene, &atlas, settings.direct_map);
+        relight_rays::trace(&caster, &atlas, &direct, &probes.positions, settings.relight_rays, &probe_basis)
+    };
+    progress.check()?;
+
+    // Local transport: one leaf at a time to finished clusters; no type holds all rows.
+    let sky_basis = sh::Basis::new(settings.sky_degree);
+    let gather = GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed);
+    let transport = TransportScene {
+        caster: &caster,
+        receivers: &receivers,
+        probes: &probes,
+        support: &support,
+        gather: &gather,
+        probe_basis: &probe_basis,
+        sky_basis: &sky_basis,
+    };
+    let refining = RefineSettings {
+        threshold: f64::from(settings.threshold),
+        max_coefficients: settings.coefficients as usize,
+        n_sh: probe_basis.len(),
+        n_sky: sky_basis.len(),
+    };
+    let leaf_members = leaves(&receivers.position, settings.leaf as usize);
+    let leaf_results: Vec<LeafResult> = {
+        let stage = progress.stage("transport and clusters", receivers.len() as u64);
+        leaf_members
+            .par_iter()
+            .map(|members| {
+                progress.check()?;
+                let rows = transport.rows(members);
+                let rays = rows.rays;
+                let clusters = refine(members, rows, &refining);
+                stage.inc(members.len() as u64);
+                Ok(LeafResult { clusters, rays })
+            })
+            .collect::<Result<_, BakeError>>()?
+    };
+
+    let _stage = progress.stage("assemble", 0);
+    let mut traced = RayCounts::default();
+    for leaf in &leaf_results {
+        traced += leaf.rays;
+    }
+    let clusters: Vec<Cluster> = leaf_results.into_iter().flat_map(|leaf| leaf.clusters).collect();
+    let mut report = BakeReport {
+        scene: source,
+        options: settings.clone(),
+        rays: traced.gather + traced.visibility + probes.positions.len() as u64 * u64::from(settings.relight_rays),
+        atlas: atlas_facts(&layout, &receivers, settings),
+        placement: placement_facts(&placement),
+        relight: RelightFacts::of(&rays.counts),
+        ..BakeReport::default()
+    };
+    report.gather_rays = traced.gather;
+    report.visibility_rays = traced.visibility;
+    fill_results(&mut report, &receivers, &probes, &support, &clusters);
+    let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, &clusters);
+    report.bytes = Bytes {
+        projection: 2 * arrays.projection.len() as u64,
+        reconstruction: 2 * arrays.reconstruction.len() as u64,
+        relight: (16 * arrays.ray_dirs.len() + 4 * arrays.ray_sh.len() + 4 * arrays.ray_uv.len() + arrays.ray_level.len())
+            as u64,
+        file: 0,
+    };
+    drop(_stage);
+    report.warnings = progress.warnings();
+    arrays.report = report.to_embedded_json();
+    report.stages = progress.stages();
+    report.seconds = started.elapsed().as_secs_f64();
+    report.peak_rss_bytes = peak_rss_bytes().unwrap_or(0);
+    report.threads = rayon::current_num_threads() as u64;
+    if let Some(allowed) = settings.max_unseen.filter(|&allowed| report.unseen.mean > f64::from(allowed)) {
+        return Err(BakeError::Quality {
+            measure: "mean unseen share",
+            measured: report.unseen.mean,
+            allowed: f64::from(allowed),
+            remedy: "use more probes, a larger overlap or a larger repair share".into(),
+        });
+    }
+    Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
+}
+
+/// The scene with lightmap coordinates: its own if usable, else unwrapped, with a face for each live side.
+fn layout(
+    scene: &Scene, caster: &RayCaster<'_>, grid: &VoxelGrid, settings: &BakeSettings, progress: &Progress,
+) -> Result<(Scene, LayoutReport), BakeError> {
+    let size = unwrap::LayoutSize::of(settings);
+    let reason = match unwrap::usable(scene, size) {
+        Ok(report) => return Ok((scene.clone(), report)),
+        Err(reason) => reason,
+    };
+    let (split, back_faces) = sides::split(scene.clone(), &|scene, mesh, triangle, front| {
+        sides::is_live(scene, caster, grid, mesh, triangle, front)
+    });
+    let (scene, report) =
+        unwrap::unwrap(split, settings.unwrap, size, &|| progress.is_cancelled()).map_err(unwrap_error)?;
+    Ok((scene, LayoutReport { back_faces, reason: Some(reason.to_string()), ..report }))
+}
+
+/// Arrays of the file: receivers in cluster order.
+fn assemble(
+    scene: &Scene, settings: &BakeSettings, layout: &LayoutReport, receivers: &ReceiverSet, probes: &ProbeSet,
+    rays: RelightRays, clusters: &[Cluster],
+) -> BakedArrays {
+    let n_k = sh::function_count(settings.receiver_degree);
+    let mut arrays = BakedArrays {
+        probes: probes
+            .positions
+            .iter()
+            .map(|position| Probe { position: position.to_array(), support_radius_m: probes.radius_m })
+            .collect(),
+        ray_dirs: rays.dirs,
+        ray_sh: rays.sh,
+        ray_uv: rays.uv,
+        ray_level: rays.level,
+        ..BakedArrays::default()
+    };
+    let mut stored = vec![u32::MAX; receivers.len()];
+    let mut first_light = 0;
+    for cluster in clusters {
+        arrays.clusters.push(ClusterRecord {
+            first_receiver: arrays.receiver_texel.len() as u32,
+            n_receivers: cluster.members.len() as u32,
+            first_probe: arrays.cluster_probes.len() as u32,
+            n_probes: cluster.probes.len() as u32,
+            n_sky: cluster.n_sky as u32,
+            n_coefficients: cluster.rows.n_coefficients as u32,
+            first_light,
+            projection_pair: (arrays.projection.len() / 2) as u32,
+            reconstruction_pair: (arrays.reconstruction.len() / 2) as u32,
+            reserved: 0,
+        });
+        first_light += cluster.rows.n_coefficients as u32;
+        arrays.cluster_probes.extend_from_slice(&cluster.probes);
+        extend_even(&mut arrays.projection, &cluster.rows.projection);
+        extend_even(&mut arrays.reconstruction, &cluster.rows.reconstruction);
+        debug_assert_eq!(
+            cluster.rows.reconstruction.len(),
+            cluster.members.len() * n_k * cluster.rows.n_coefficients
+        );
+        for (&member, &unseen) in cluster.members.iter().zip(&cluster.unseen) {
+            let member = member as usize;
+            stored[member] = arrays.receiver_texel.len() as u32;
+            arrays.receiver_texel.push(receivers.texel[member]);
+            arrays.receiver_position.push(receivers.position[member].to_array());
+            arrays.receiver_normal.push(receivers.normal[member].to_array());
+            arrays.receiver_unseen.push(unseen);
+        }
+    }
+    arrays.gutters =
+        receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
+    arrays.seams = receivers
+        .seams
+        .iter()
+        .map(|&(a, b)| {
+            let (a, b) = (stored[a as usize], stored[b as usize]);
+            [a.min(b), a.max(b)]
+        })
+        .collect();
+    arrays.seams.sort_unstable();
+    let (low, high) = scene.bounds().unwrap_or_default();
+    arrays.metadata = Metadata {
+        tool_version: env!("CARGO_PKG_VERSION").into(),
+        scene_path: String::new(),
+        scene_hash: scene.hash,
+        lightmap_size: layout.size,
+        direct_size: settings.direct_map,
+        probe_degree: settings.probe_degree,
+        receiver_degree: settings.receiver_degree,
+        sky_degree: settings.sky_degree,
+        n_rays: settings.relight_rays,
+        bounds: [low.to_array(), high.to_array()],
+        options: settings.to_toml(),
+    };
+    arrays
+}
+
+/// Appends values and a zero if their number is odd, so that every block starts at a pair.
+fn extend_even(all: &mut Vec<f16>, block: &[f16]) {
+    all.extend_from_slice(block);
+    if !all.len().is_multiple_of(2) {
+        all.push(f16::ZERO);
+    }
+}
+
+fn scene_facts(scene: &Scene) -> SceneFacts {
+    SceneFacts {
+        triangles: scene.face_count() as u64,
+        materials: scene.materials.len() as u64,
+        hash: hex(&scene.hash),
+        degenerate: scene.dropped.degenerate as u64,
+        duplicate: scene.dropped.duplicate as u64,
+    }
+}
+
+fn atlas_facts(layout: &LayoutReport, receivers: &ReceiverSet, settings: &BakeSettings) -> AtlasFacts {
+    AtlasFacts {
+        unwrapped: !layout.kept,
+        reason: layout.reason.clone(),
+        lightmap: layout.size,
+        direct_map: settings.direct_map,
+        charts: u64::from(layout.charts),
+        back_faces: layout.back_faces as u64,
+        covered_texels: (receivers.len() + receivers.invalid.len()) as u64,
+        pushed_receivers: receivers.pushed as u64,
+    }
+}
+
+fn placement_facts(placement: &PlacementReport) -> PlacementFacts {
+    PlacementFacts {
+        spacing: placement.spacing_m,
+        voxel: placement.voxel_m,
+        candidates: placement.candidates as u64,
+        rejected: placement.rejected as u64,
+        repaired: placement.repaired as u64,
+    }
+}
+
+fn fill_results(
+    report: &mut BakeReport, receivers: &ReceiverSet, probes: &ProbeSet, support: &Support, clusters: &[Cluster],
+) {
+    report.receivers = receivers.len() as u64;
+    report.invalid_receivers = receivers.invalid.len() as u64;
+    report.probes = probes.positions.len() as u64;
+    report.radius = probes.radius_m;
+    let counts = support.start.windows(2).map(|run| run[1] - run[0]);
+    report.overlap = Overlap {
+        mean: (support.probes.len() as f64 / receivers.len().max(1) as f64) as f32,
+        min: counts.clone().min().unwrap_or(0),
+        max: counts.max().unwrap_or(0),
+    };
+    report.clusters = clusters.len() as u64;
+    let weighted: usize = clusters.iter().map(|cluster| cluster.members.len() * cluster.rows.n_coefficients).sum();
+    report.coefficients_per_receiver = weighted as f64 / receivers.len().max(1) as f64;
+    let linked: usize = clusters.iter().map(|cluster| cluster.probes.len()).sum();
+    report.probes_per_cluster = linked as f64 / clusters.len().max(1) as f64;
+    let unseen: Vec<f32> = clusters.iter().flat_map(|cluster| cluster.unseen.iter().copied()).collect();
+    report.unseen = Unseen::of(&unseen);
+    let errors = || clusters.iter().flat_map(|cluster| cluster.rows.row_error_squared.iter().copied());
+    let n_rows = errors().count().max(1);
+    report.compression = Compression {
+        rms_error: (errors().sum::<f64>() / n_rows as f64).sqrt(),
+        max_error: errors().fold(0.0, f64::max).sqrt(),
+    };
+    report.seams = receivers.seams.len() as u64;
+}
+
+fn tree_error(error: TreeError) -> BakeError {
+    BakeError::Scene {
+        what: error.to_string(),
+        place: None,
+        remedy: "remove stray far-away or microscopic geometry".into(),
+    }
+}
+
+fn voxel_error(error: voxels::VoxelError) -> BakeError {
+    stage_error(&error.to_string(), matches!(error, voxels::VoxelError::EmptyScene | voxels::VoxelError::NotFinite { .. }))
+}
+
+fn placement_error(error: probes::PlacementError) -> BakeError {
+    use probes::PlacementError as E;
+    let of_scene = matches!(error, E::NoOpenSpace { .. } | E::NoCandidate { .. } | E::NoReceivers);
+    stage_error(&error.to_string(), of_scene)
+}
+
+fn unwrap_error(error: unwrap::UnwrapError) -> BakeError {
+    if error.is_cancelled() {
+        return BakeError::Cancelled(crate::progress::Cancelled);
+    }
+    if error.is_unsupported() {
+        return BakeError::Unsupported { what: error.to_string(), remedy: "use the default unwrap backend".into() };
+    }
+    stage_error(&error.to_string(), !error.is_limit())
+}
+
+/// The stages' messages end in `: REMEDY`.
+fn stage_error(message: &str, of_scene: bool) -> BakeError {
+    let (what, remedy) = message.rsplit_once(": ").unwrap_or((message, "see precompute bake --help"));
+    let (what, remedy) = (what.to_owned(), remedy.to_owned());
+    if of_scene {
+        BakeError::Scene { what, place: None, remedy }
+    } else {
+        BakeError::Option { what, remedy }
+    }
+}

@@ -1,0 +1,100 @@
+//! One lighting state of a baked file on the CPU: what shines, as the runtime's twins want it.
+//!
+//! Direct light is traced from the texels of the direct light map; the rest is `localprt_runtime`'s CPU relighter.
+
+use crate::{
+    lightmap::{Atlas, TexelMap, texels},
+    rays::RayCaster,
+};
+use glam::Vec3;
+use localprt_formats::{BakedView, sh};
+use localprt_runtime::SurfaceTexels;
+use localprt_scenes::{Light, Lighting, Sky, lighting::SurfaceShading};
+use rayon::prelude::*;
+
+/// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
+///
+/// `size` is the file's `direct_size`. One shadow ray per texel and light that reaches it.
+pub fn surface_texels(caster: &RayCaster<'_>, atlas: &Atlas, lighting: &Lighting, size: u32) -> SurfaceTexels {
+    let scene = caster.scene();
+    let TexelMap { texels, .. } = texels::cover(scene, atlas, size);
+    let shading = SurfaceShading::new(scene, lighting);
+    let values: Vec<(Vec3, Vec3, Vec3)> = texels
+        .par_iter()
+        .map(|texel| {
+            let (mesh, triangle) = (texel.mesh as usize, texel.triangle as usize);
+            let corners = scene.corners(mesh, triangle);
+            let weights = texel.barycentrics;
+            let position = corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z;
+            let geometric_normal = scene.geometric_normal(mesh, triangle);
+            let normal = scene.shading_normal(mesh, triangle, weights);
+            (
+                shading.albedo(mesh, triangle, weights),
+                shading.emission(mesh, triangle, weights),
+                direct_irradiance(caster, &lighting.lights, position, normal, geometric_normal),
+            )
+        })
+        .collect();
+    SurfaceTexels {
+        size,
+        index: texels.iter().map(|texel| texel.index).collect(),
+        albedo: values.iter().map(|value| value.0).collect(),
+        emission: values.iter().map(|value| value.1).collect(),
+        direct: values.iter().map(|value| value.2).collect(),
+    }
+}
+
+/// Irradiance straight from punctual lights at a surface point, W m^-2, with traced shadows.
+///
+/// Lights below the horizon of either normal give nothing.
+pub fn direct_irradiance(
+    caster: &RayCaster<'_>, lights: &[Light], position: Vec3, normal: Vec3, geometric_normal: Vec3,
+) -> Vec3 {
+    let origin = position + geometric_normal * caster.offset_m();
+    let mut irradiance = Vec3::ZERO;
+    for light in lights {
+        let Some(incident) = light.incident(position) else { continue };
+        let cosine = normal.dot(incident.dir_to_light);
+        if cosine <= 0.0 || geometric_normal.dot(incident.dir_to_light) <= 0.0 {
+            continue;
+        }
+        let free = if incident.distance.is_finite() {
+            caster.visible(origin, light.position)
+        } else {
+            caster.escapes(origin, incident.dir_to_light)
+        };
+        if free {
+            irradiance += incident.irradiance * cosine;
+        }
+    }
+    irradiance
+}
+
+/// The sky as the relighter wants it: SH radiance for the sky columns and radiance along the relight rays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SkyInputs {
+    /// `[n_sky]` SH coefficients; empty for a black sky.
+    pub sh: Vec<Vec3>,
+    /// `[n_rays]` radiances; empty for a black sky.
+    pub rays: Vec<Vec3>,
+}
+
+/// Projects a sky for one baked file.
+pub fn sky_inputs(sky: &Sky, baked: &BakedView<'_>) -> SkyInputs {
+    if sky.is_black() {
+        return SkyInputs::default();
+    }
+    let basis = sh::Basis::new(baked.metadata.sky_degree);
+    let mut sums = vec![glam::DVec3::ZERO; basis.len()];
+    let mut values = vec![0.0; basis.len()];
+    for (dir, solid_angle, radiance) in sky.quadrature() {
+        basis.evaluate(dir.to_array(), &mut values);
+        for (sum, value) in sums.iter_mut().zip(&values) {
+            *sum += radiance.as_dvec3() * f64::from(solid_angle * value);
+        }
+    }
+    SkyInputs {
+        sh: sums.iter().map(glam::DVec3::as_vec3).collect(),
+        rays: baked.ray_dirs.iter().map(|&[x, y, z, _]| sky.radiance(Vec3::new(x, y, z))).collect(),
+    }
+}

@@ -1,0 +1,235 @@
+//! Closed forms of transport rows.
+
+use super::*;
+use glam::Vec3;
+use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
+use localprt_scenes::{Material, Mesh, Scene};
+use std::f32::consts::PI;
+
+/// A box with its faces turned inwards; `skip` leaves out the face `[axis, sign]`.
+fn room(half: Vec3, skip: Option<(usize, f32)>) -> Scene {
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for sign in [-1.0f32, 1.0] {
+            if skip == Some((axis, sign)) {
+                continue;
+            }
+            let first = mesh.positions.len() as u32;
+            for (y, x) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0f32)] {
+                let mut point = [0.0; 3];
+                point[axis] = sign;
+                point[(axis + 1) % 3] = x;
+                point[(axis + 2) % 3] = y;
+                mesh.positions.push(Vec3::from(point) * half);
+                let mut normal = [0.0; 3];
+                normal[axis] = -sign;
+                mesh.normals.push(Vec3::from(normal));
+            }
+            let [a, b, c, d] = [first, first + 1, first + 2, first + 3];
+            mesh.triangles.extend(if sign < 0.0 { [[a, b, d], [a, d, c]] } else { [[a, d, b], [a, c, d]] });
+        }
+    }
+    Scene { meshes: vec![mesh], materials: vec![Material::default()], ..Scene::default() }
+}
+
+/// Rows of receivers given as `(position, normal)` with every probe supporting each.
+struct Setup {
+    receivers: ReceiverSet,
+    probes: ProbeSet,
+    support: Support,
+}
+
+impl Setup {
+    fn new(receivers: &[(Vec3, Vec3)], probes: &[Vec3], radius_m: f32) -> Self {
+        let n = receivers.len();
+        Self {
+            receivers: ReceiverSet {
+                texel: (0..n as u32).collect(),
+                position: receivers.iter().map(|receiver| receiver.0).collect(),
+                normal: receivers.iter().map(|receiver| receiver.1).collect(),
+                geometric_normal: receivers.iter().map(|receiver| receiver.1).collect(),
+                chart: vec![0; n],
+                ..ReceiverSet::default()
+            },
+            probes: ProbeSet { positions: probes.to_vec(), radius_m },
+            support: Support {
+                start: (0..=n as u32).map(|i| i * probes.len() as u32).collect(),
+                probes: (0..n).flat_map(|_| 0..probes.len() as u32).collect(),
+                radius_m: vec![radius_m; n],
+            },
+        }
+    }
+
+    fn rows(&self, scene: &Scene, gather: &GatherSet, probe_degree: u32, sky_degree: u32) -> TransportRows {
+        let caster = RayCaster::new(scene).expect("tree");
+        let members: Vec<u32> = (0..self.receivers.len() as u32).collect();
+        TransportScene {
+            caster: &caster,
+            receivers: &self.receivers,
+            probes: &self.probes,
+            support: &self.support,
+            gather,
+            probe_basis: &sh::Basis::new(probe_degree),
+            sky_basis: &sh::Basis::new(sky_degree),
+        }
+        .rows(&members)
+    }
+}
+
+fn some_probes(n: u64, half: Vec3) -> Vec<Vec3> {
+    (0..n)
+        .map(|i| (Vec3::from([0, 1, 2].map(|axis| counter_uniform(3, i, axis) as f32)) * 2.0 - 1.0) * half * 0.9)
+        .collect()
+}
+
+/// Receivers on the floor, on a wall and askew in the room.
+fn some_receivers(half: Vec3) -> [(Vec3, Vec3); 3] {
+    [
+        (Vec3::new(0.3, -1.0, 0.2) * half, Vec3::Y),
+        (Vec3::new(-1.0, 0.1, -0.4) * half, Vec3::X),
+        (Vec3::new(0.1, 0.2, 0.3) * half, Vec3::new(1.0, -2.0, 0.5).normalize()),
+    ]
+}
+
+#[test]
+fn constant_radiance_gives_pi_times_the_seen_share_at_every_degree() {
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let scene = room(half, None);
+    let setup = Setup::new(&some_receivers(half), &some_probes(7, half), 8.0);
+    for degree in 0..=sh::MAX_DEGREE {
+        let rows = setup.rows(&scene, &GatherSet::new(256, 0, 0), degree, 2);
+        for (row, unseen) in rows.rows.chunks_exact(rows.n_columns).zip(&rows.unseen) {
+            // Radiance 1 has the coefficient sqrt(4 pi) in the constant function and none elsewhere.
+            let irradiance: f32 =
+                row.chunks_exact(function_count(degree)).take(7).map(|probe| probe[0] * (4.0 * PI).sqrt()).sum();
+            // 256 rays of f32 weights.
+            assert!((irradiance - PI * (1.0 - unseen)).abs() < 1e-4, "degree {degree}: {irradiance}");
+            assert!(*unseen < 0.01, "an empty convex room hides nothing but the horizon: {unseen}");
+        }
+    }
+}
+
+fn function_count(degree: u32) -> usize {
+    sh::function_count(degree)
+}
+
+#[test]
+fn a_probe_at_the_receiver_gets_the_cosine_lobe() {
+    // Seen from the same place, psi is omega, so alpha_j is the projection of the clamped cosine about the normal:
+    // A_l Y_lm(n) with A = pi, 2 pi/3, pi/4, 0, -pi/24, 0 (Ramamoorthi and Hanrahan 2001). Signs and axes show here.
+    let lobe = [PI, 2.0 * PI / 3.0, PI / 4.0, 0.0, -PI / 24.0, 0.0];
+    let half = Vec3::splat(50.0);
+    let scene = room(half, None);
+    for i in 0..12 {
+        let normal = Vec3::from(spherical_fibonacci(i, 12));
+        let setup = Setup::new(&[(Vec3::ZERO, normal)], &[normal * 1e-3], 1.0);
+        let rows = setup.rows(&scene, &GatherSet::new(4096, 0, 0), 5, 0);
+        let mut values = [0.0; 36];
+        sh::Basis::new(5).evaluate(normal.to_array(), &mut values);
+        for l in 0..=5u32 {
+            for m in -(l as i32)..=l as i32 {
+                let j = sh::index(l, m);
+                let expected = lobe[l as usize] * values[j];
+                // 4096 Fibonacci points integrate a degree-5 polynomial over the disc to about 1e-3.
+                assert!((rows.rows[j] - expected).abs() < 3e-3, "l {l} m {m}: {} {expected}", rows.rows[j]);
+            }
+        }
+    }
+}
+
+#[test]
+fn degree_1_rows_give_pi_at_the_normal_and_the_right_direction() {
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let scene = room(half, None);
+    let receivers = some_receivers(half);
+    let setup = Setup::new(&receivers, &some_probes(7, half), 8.0);
+    let rows = setup.rows(&scene, &GatherSet::new(1024, 1, 0), 4, 2);
+    assert_eq!(rows.n_k, 4);
+    for (receiver, (rows_of, unseen)) in
+        receivers.iter().zip(rows.rows.chunks_exact(4 * rows.n_columns).zip(&rows.unseen))
+    {
+        let coefficients: Vec<f32> = rows_of
+            .chunks_exact(rows.n_columns)
+            .map(|row| row.chunks_exact(25).take(7).map(|probe| probe[0] * (4.0 * PI).sqrt()).sum())
+            .collect();
+        let weights = sh::irradiance_weights_degree_1(receiver.1.to_array());
+        let irradiance: f32 = coefficients.iter().zip(&weights).map(|(a, b)| a * b).sum();
+        // The hemisphere above the normal gives exactly pi; 1024 Fibonacci points leave about 1e-3 of it.
+        assert!((irradiance - PI * (1.0 - unseen)).abs() < 5e-3, "{irradiance} unseen {unseen}");
+        // The linear terms point along the normal: b_1 = (y, z, x) sqrt(3/4pi) pi.
+        let linear = Vec3::new(coefficients[3], coefficients[1], coefficients[2]) / ((3.0 / (4.0 * PI)).sqrt() * PI);
+        assert!(linear.distance(receiver.1) < 1e-2, "{linear} {}", receiver.1);
+    }
+}
+
+#[test]
+fn an_open_roof_lets_in_the_sky_and_nothing_is_counted_twice() {
+    // Without its ceiling the room's floor sees sky and walls; under a sky of 1 and walls of 1 they add up to pi.
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let scene = room(half, Some((1, 1.0)));
+    let setup = Setup::new(&some_receivers(half)[..1], &some_probes(7, half), 8.0);
+    let rows = setup.rows(&scene, &GatherSet::new(512, 0, 0), 3, 3);
+    let constant = (4.0 * PI).sqrt();
+    let walls: f32 = rows.rows.chunks_exact(16).take(7).map(|probe| probe[0] * constant).sum();
+    let sky = rows.rows[7 * 16] * constant;
+    assert!(sky > 0.5 && walls > 0.5, "{sky} {walls}");
+    assert!((sky + walls - PI * (1.0 - rows.unseen[0])).abs() < 1e-4, "{sky} + {walls}");
+}
+
+#[test]
+fn an_open_plane_receives_pi_from_a_constant_sky() {
+    let floor = Mesh {
+        positions: vec![Vec3::new(-5.0, 0.0, -5.0), Vec3::new(0.0, 0.0, 9.0), Vec3::new(5.0, 0.0, -5.0)],
+        normals: vec![Vec3::Y; 3],
+        triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
+    };
+    let scene = Scene { meshes: vec![floor], materials: vec![Material::default()], ..Scene::default() };
+    let setup = Setup::new(&[(Vec3::ZERO, Vec3::Y)], &[Vec3::Y], 3.0);
+    let rows = setup.rows(&scene, &GatherSet::new(1024, 0, 0), 2, 4);
+    let sky = rows.rows[9] * (4.0 * PI).sqrt();
+    // 1024 equal f32 weights.
+    assert!((sky - PI).abs() < 1e-4, "{sky}");
+    assert!(rows.rows[..9].iter().all(|&value| value == 0.0));
+    assert_eq!(rows.unseen[0], 0.0);
+}
+
+#[test]
+fn a_probe_behind_a_wall_gives_exactly_nothing() {
+    // A second room beside the first: its probe sees no surface that the receiver sees.
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let mut scene = room(half, None);
+    let mut other = room(half, None).meshes.remove(0);
+    for position in &mut other.positions {
+        position.x += 4.001;
+    }
+    scene.meshes.push(other);
+    let inside = some_probes(3, half);
+    let mut probes = inside.clone();
+    probes.push(Vec3::new(2.2, 0.0, 0.0));
+    let setup = Setup::new(&[(Vec3::new(1.9, -1.5, 0.0), Vec3::Y)], &probes, 8.0);
+    let rows = setup.rows(&scene, &GatherSet::new(512, 0, 0), 3, 0);
+    assert!(rows.rows[..3 * 16].iter().any(|&value| value != 0.0));
+    assert!(rows.rows[3 * 16..4 * 16].iter().all(|&value| value == 0.0));
+}
+
+#[test]
+fn what_no_probe_sees_is_counted() {
+    // One probe under a table top sees nothing of the ceiling's middle; the receiver on top of the table does.
+    let half = Vec3::splat(2.0);
+    let mut scene = room(half, None);
+    let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0f32)];
+    let table = Mesh {
+        positions: corners.map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec(),
+        normals: vec![Vec3::Y; 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    scene.meshes.push(table);
+    let setup = Setup::new(&[(Vec3::new(0.0, 0.0, 0.0), Vec3::Y)], &[Vec3::new(0.0, -0.2, 0.0)], 3.0);
+    let rows = setup.rows(&scene, &GatherSet::new(1024, 0, 0), 2, 0);
+    let seen = rows.rows[0] * (4.0 * PI).sqrt() / PI;
+    // The ceiling's middle alone, |x|, |z| < 1 at distance 2, holds a form factor of 0.24.
+    assert!(rows.unseen[0] > 0.24, "{}", rows.unseen[0]);
+    assert!((seen + rows.unseen[0] - 1.0).abs() < 1e-4, "{seen} {}", rows.unseen[0]);
+}
