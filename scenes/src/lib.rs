@@ -4,8 +4,12 @@
 //! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
 //! overrides.
 
+pub mod gltf_export;
+pub mod gltf_import;
 pub mod lighting;
 pub mod scene;
 
+pub use gltf_export::{ExportError, export_glb};
+pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_within};
 pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{AlphaMode, Camera, FaceId, Image, Material, Mesh, Scene, Texture, TextureRef, Wrap};

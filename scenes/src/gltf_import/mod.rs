@@ -1,0 +1,145 @@
+//! glTF 2.0 import: a .gltf or .glb file to a [`Scene`] in world space.
+//!
+//! The `gltf` crate supplies the typed JSON model. Files, accessors and the hierarchy are read here, because the scene
+//! may come from anywhere: paths stay in the scene's folder, every range is checked before it is read, and nothing is
+//! allocated that the bytes present (or [`Limits`]) do not justify. Animations, skins and morph targets are left out:
+//! a bake is of the scene at rest.
+
+mod accessors;
+mod container;
+mod document;
+mod error;
+mod geometry;
+mod materials;
+mod nodes;
+mod resources;
+mod sanitize;
+
+pub use error::{LoadError, LoadErrorKind};
+pub(crate) use materials::texture_transform;
+pub use resources::Limits;
+
+use crate::scene::{Material, Mesh, Scene};
+use document::Document;
+use error::Source;
+use geometry::Geometry;
+use nodes::Placed;
+use resources::Resources;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Loads a .gltf or .glb file, told apart by content, within the default [`Limits`].
+///
+/// # Errors
+/// See [`LoadError`]; each message names the file, the place as a JSON pointer, what was found and what to do.
+pub fn load(path: impl AsRef<Path>) -> Result<Scene, LoadError> {
+    load_within(path, &Limits::default())
+}
+
+/// Loads a .gltf or .glb file within given limits.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_within(path: impl AsRef<Path>, limits: &Limits) -> Result<Scene, LoadError> {
+    let source = &Source::new(path.as_ref());
+    let bytes = resources::read_scene_file(source, limits)?;
+    let container = container::split(source, &bytes)?;
+    if container.json.len() as u64 > limits.json_bytes {
+        let found = format!("{} bytes of JSON", container.json.len());
+        return Err(source.too_large("/", found, limits.json_bytes, "store buffers and images outside of the JSON"));
+    }
+    let document = document::parse(source, container.json)?;
+    let placed = nodes::place(source, limits, &document)?;
+    let mut resources = Resources::new(source, limits, &bytes);
+    let buffers = resources.buffers(&document, container.bin)?;
+    let views = accessors::views(source, &document, &buffers)?;
+    let accessors = accessors::accessors(source, limits, &document, &views)?;
+    let geometry = Geometry { source, limits, document: &document, accessors: &accessors };
+    let mut meshes = instances(&geometry, &placed)?;
+    let mut appearance = materials::read(source, &document, &views, &mut resources)?;
+    give_material(&mut meshes, &mut appearance.materials);
+    let mut scene = Scene {
+        name: path.as_ref().file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
+        meshes,
+        materials: appearance.materials,
+        textures: appearance.textures,
+        images: appearance.images,
+        lights: nodes::lights(source, &document, &placed)?,
+        cameras: nodes::cameras(source, &document, &placed)?,
+        hash: resources.hash(),
+        ..Scene::default()
+    };
+    sanitize::sanitize(&mut scene);
+    Ok(scene)
+}
+
+/// Stands for the glTF default material until [`give_material`].
+const NO_MATERIAL: usize = usize::MAX;
+
+/// One mesh per primitive of every placed node.
+fn instances(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<Vec<Mesh>, LoadError> {
+    let document: &Document = geometry.document;
+    check_counts(geometry, placed)?;
+    // Each primitive is read once, however many nodes draw it.
+    let mut shapes: Vec<Option<Vec<_>>> = document.meshes.iter().map(|_| None).collect();
+    let mut meshes = Vec::new();
+    for Placed { node, to_world } in placed {
+        let Some(mesh) = document.nodes[*node].mesh.map(|mesh| mesh.value()) else { continue };
+        let data = &document.meshes[mesh];
+        let shapes = match &mut shapes[mesh] {
+            Some(shapes) => shapes,
+            unread => {
+                let primitives = 0..data.primitives.len();
+                unread.insert(primitives.map(|each| geometry.read(mesh, each)).collect::<Result<_, _>>()?)
+            }
+        };
+        let name = nodes::name_of([&document.nodes[*node].name, &data.name], "mesh", mesh);
+        for (primitive, shape) in shapes.iter().enumerate() {
+            let Some(shape) = shape else { continue };
+            meshes.push(Mesh {
+                name: name.clone(),
+                source: geometry::place_of(mesh, primitive),
+                material: data.primitives[primitive].material.map_or(NO_MATERIAL, |material| material.value()),
+                ..geometry.place(shape, *to_world, *node)?
+            });
+        }
+    }
+    Ok(meshes)
+}
+
+/// Refuses what no bake could hold before any of it is read, and meshes that are broken though nothing draws them.
+fn check_counts(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<(), LoadError> {
+    let document = geometry.document;
+    let mut counts = Vec::with_capacity(document.meshes.len());
+    for (mesh, data) in document.meshes.iter().enumerate() {
+        let mut count: u64 = 0;
+        for primitive in 0..data.primitives.len() {
+            geometry::check_primitive(geometry.source, document, mesh, primitive)?;
+            count = count.saturating_add(geometry.triangle_count(mesh, primitive)?.unwrap_or(0));
+        }
+        counts.push(count);
+    }
+    let mut total: u64 = 0;
+    for placed in placed {
+        if let Some(mesh) = document.nodes[placed.node].mesh {
+            total = total.saturating_add(counts[mesh.value()]);
+            geometry.check_total(total, placed.node)?;
+        }
+    }
+    Ok(())
+}
+
+/// Adds the default material if a mesh needs it.
+fn give_material(meshes: &mut [Mesh], materials: &mut Vec<Material>) {
+    let added = materials.len();
+    let mut is_needed = false;
+    for mesh in meshes.iter_mut().filter(|mesh| mesh.material == NO_MATERIAL) {
+        mesh.material = added;
+        is_needed = true;
+    }
+    if is_needed {
+        let taken: BTreeSet<String> = materials.iter().map(|material| material.name.clone()).collect();
+        let name = materials::unused_name(&taken, &Material::default().name, 2);
+        materials.push(Material { name, ..Material::default() });
+    }
+}
