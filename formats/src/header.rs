@@ -351,7 +351,7 @@ fn check_place(section: &SectionInfo, previous_end: u64, file: &[u8]) -> Result<
     if section.offset != expected {
         return Err(OpenError::Misplaced { section: section.kind, found: section.offset, expected });
     }
-    let end = section.offset.checked_add(section.length).unwrap_or(u64::MAX);
+    let end = section.offset.saturating_add(section.length);
     if end > present {
         return Err(OpenError::WrongEnd { section: section.kind, end, present });
     }

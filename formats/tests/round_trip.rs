@@ -147,3 +147,35 @@ fn a_written_file_has_the_permissions_of_any_new_file() {
     let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(ours), mode(other));
 }
+
+/// A child process with a file size limit of a few blocks stands in for the full disk.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_the_old_file_and_says_how_many_bytes_are_needed() {
+    const TARGET: &str = "LOCALPRT_TEST_FULL_DISK";
+    let mut large = minimal();
+    large.report = format!("\"{}\"", "x".repeat(100_000));
+    if let Some(path) = std::env::var_os(TARGET) {
+        let error = write(&path, &large).unwrap_err();
+        let needed = to_bytes(&large).unwrap().len() as u64;
+        let as_expected =
+            matches!(&error, WriteError::Io { action: "write", needed_bytes, .. } if *needed_bytes == needed);
+        assert!(as_expected, "{error:?}");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hall.lprt");
+    write(&path, &minimal()).unwrap();
+    // Ignoring the signal makes the system answer with an error instead of ending the process.
+    let output = std::process::Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 40; exec \"$0\" --exact \"$1\""])
+        .arg(std::env::current_exe().unwrap())
+        .arg("a_full_disk_leaves_the_old_file_and_says_how_many_bytes_are_needed")
+        .env(TARGET, &path)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && text.contains("1 passed"), "{text}");
+    assert_eq!(owned(&Baked::open(&path).unwrap().view()), minimal());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the temporary file is gone");
+}

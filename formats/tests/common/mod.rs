@@ -10,7 +10,7 @@ use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metad
 /// the same bytes.
 pub fn minimal() -> BakedArrays {
     // Y_0 and Y_1 of the six axis directions, times 4 pi / 6.
-    let (y0, y1) = (0.590_817_95, 1.023_326_7);
+    let (y0, y1) = (0.590_817_9, 1.023_326_7);
     let f16s = |values: &[f32]| values.iter().map(|value| f16::from_f32(*value)).collect();
     BakedArrays {
         metadata: Metadata {
@@ -130,7 +130,8 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
     let mut first_receiver = 0;
     for (i, &n_receivers) in sizes.cluster_receivers.iter().enumerate() {
         let random = |stream: u64| counter_hash(seed, stream, i as u64) as u32;
-        let listed = (0..n_probes).filter(|probe| counter_hash(seed, 100 + i as u64, u64::from(*probe)) % 2 == 0);
+        let listed =
+            (0..n_probes).filter(|probe| counter_hash(seed, 100 + i as u64, u64::from(*probe)).is_multiple_of(2));
         let first_probe = out.cluster_probes.len() as u32;
         out.cluster_probes.extend(listed);
         let n_probes = out.cluster_probes.len() as u32 - first_probe;
