@@ -7,7 +7,7 @@ use super::raster::Footprint;
 use super::{Atlas, Progress, ReceiverSet, Texel, TexelMap, gutters, seams, texels};
 use crate::rays::{RayCaster, frame};
 use glam::{DVec2, Vec3};
-use localprt_formats::directions::{cosine_hemisphere, counter_uniform, fibonacci_square};
+use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -16,8 +16,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 const RAYS: u32 = 16;
 /// A point with no back face among its first rays is free, without asking the rest.
 const FIRST_RAYS: u32 = 8;
-/// A point is inside when more than this share of its rays meets back faces (as in DDGI probe relocation).
-const MOST_BACK_FACES: f32 = 0.25;
+/// A point is inside when more than this many of its rays, half of them, meet back faces. Fewer far ones are a view of
+/// something one-sided from behind, which is black but does not make the point less real.
+const MOST_BACK_FACES: u32 = 8;
+/// A point is behind something when more than this many of its rays, a quarter, meet back faces nearby: its dark would
+/// show in the bilinear taps of lit neighbors.
+const MOST_NEAR_BACK_FACES: u32 = 4;
+/// What is nearby, texels.
+const NEAR_TEXELS: f32 = 3.0;
 /// Tangent rays that look for a near way out.
 const TANGENT_RAYS: u32 = 8;
 /// Texels per task.
@@ -99,15 +105,15 @@ struct Placer<'a> {
 impl Placer<'_> {
     /// The texel's own sample point.
     fn at_sample(&self, texel: &Texel) -> Placed {
-        self.try_point(texel.mesh as usize, texel.triangle as usize, texel.barycentrics, texel.index)
+        self.try_point(texel.mesh as usize, texel.triangle as usize, texel.barycentrics, self.texel_m(texel))
     }
 
-    fn try_point(&self, mesh: usize, triangle: usize, weights: Vec3, texel: u32) -> Placed {
+    fn try_point(&self, mesh: usize, triangle: usize, weights: Vec3, texel_m: f32) -> Placed {
         if !self.scene.is_present(mesh, triangle, weights) {
             return Placed::Hole;
         }
         let site = self.site(mesh, triangle, weights);
-        if self.is_free(&site, texel) { Placed::Free(site) } else { Placed::Inside }
+        if self.is_free(&site, texel_m) { Placed::Free(site) } else { Placed::Inside }
     }
 
     fn site(&self, mesh: usize, triangle: usize, weights: Vec3) -> Site {
@@ -121,26 +127,28 @@ impl Placer<'_> {
     }
 
     /// Whether few rays from the point meet back faces.
-    fn is_free(&self, site: &Site, texel: u32) -> bool {
+    fn is_free(&self, site: &Site, texel_m: f32) -> bool {
         let normal = site.geometric_normal;
         if normal == Vec3::ZERO {
             return false;
         }
         let (tangent, bitangent) = frame(normal);
         let origin = site.position + normal * self.caster.offset_m();
-        let shift = [0, 1].map(|axis| counter_uniform(0, u64::from(texel), axis));
-        let most = (MOST_BACK_FACES * RAYS as f32) as u32;
-        let mut back_faces = 0;
+        let (mut back_faces, mut near) = (0, 0);
         for ray in 0..RAYS {
             if ray == FIRST_RAYS && back_faces == 0 {
                 return true;
             }
-            // Each half of the rays is spread over the whole hemisphere.
+            // Each half of the rays is spread over the whole hemisphere. All points use the same ones: what is free then
+            // ends in a clean line.
             let spread = (ray % FIRST_RAYS) * 2 + ray / FIRST_RAYS;
-            let [x, y, z] = cosine_hemisphere(fibonacci_square(spread, RAYS, shift));
+            let [x, y, z] = cosine_hemisphere(fibonacci_square(spread, RAYS, [0.0; 2]));
             let dir = tangent * x + bitangent * y + normal * z;
-            back_faces += u32::from(self.caster.closest_hit(origin, dir).is_some_and(|hit| hit.point.is_none()));
-            if back_faces > most {
+            if let Some(hit) = self.caster.closest_hit(origin, dir).filter(|hit| hit.point.is_none()) {
+                back_faces += 1;
+                near += u32::from(hit.t < NEAR_TEXELS * texel_m);
+            }
+            if back_faces > MOST_BACK_FACES || near > MOST_NEAR_BACK_FACES {
                 return false;
             }
         }
@@ -188,7 +196,7 @@ impl Placer<'_> {
                 continue;
             };
             let (mesh, triangle) = self.place_of_face(*face, texel);
-            match self.try_point(mesh, triangle, texels::weights(footprint, point), texel.index) {
+            match self.try_point(mesh, triangle, texels::weights(footprint, point), self.texel_m(texel)) {
                 Placed::Free(site) => return Placed::Free(site),
                 Placed::Inside => worst = Placed::Inside,
                 Placed::Hole => {}
@@ -233,7 +241,7 @@ impl Placer<'_> {
                 return None;
             }
             let site = Site { pushed: true, ..self.site(point.mesh, point.triangle, point.barycentrics) };
-            self.is_free(&site, texel.index).then_some(site)
+            self.is_free(&site, texel_m).then_some(site)
         })
     }
 

@@ -50,29 +50,27 @@ fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, me
     let n_rows = BAND.min(size - first_row);
     let nothing = Cell { face: NOBODY, distance: f32::INFINITY, sample: [0.0; 2] };
     let mut cells = vec![nothing; (n_rows * size) as usize];
-    for &face in members {
-        let Some(footprint) = Footprint::new(atlas.corners[face as usize], size) else { continue };
-        let rows = footprint.rows(size);
-        for y in rows.start.max(first_row)..rows.end.min(first_row + n_rows) {
-            for x in footprint.columns(y, size) {
-                let cell = &mut cells[((y - first_row) * size + x) as usize];
-                if cell.distance == 0.0 {
-                    continue;
-                }
-                let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                if footprint.contains(center) {
-                    *cell = Cell { face, distance: 0.0, sample: [0.5; 2] };
-                } else if let Some((distance, sample)) = footprint.sample_in(x, y) {
-                    // Never 0: that marks a held centre.
-                    let distance = (distance as f32).max(f32::MIN_POSITIVE);
-                    if distance < cell.distance {
-                        let within = sample - DVec2::new(f64::from(x), f64::from(y));
-                        *cell = Cell { face, distance, sample: within.as_vec2().to_array() };
-                    }
-                }
+    // Centres first: most texels are settled by them, and cutting faces to texels is the dear part.
+    for_each_touch(atlas, size, first_row, members, |face, footprint, x, y| {
+        let cell = &mut cells[((y - first_row) * size + x) as usize];
+        if cell.face == NOBODY && footprint.contains(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) {
+            *cell = Cell { face, distance: 0.0, sample: [0.5; 2] };
+        }
+    });
+    for_each_touch(atlas, size, first_row, members, |face, footprint, x, y| {
+        let cell = &mut cells[((y - first_row) * size + x) as usize];
+        if cell.distance == 0.0 {
+            return;
+        }
+        if let Some((distance, sample)) = footprint.sample_in(x, y) {
+            // Never 0: that marks a held centre.
+            let distance = (distance as f32).max(f32::MIN_POSITIVE);
+            if distance < cell.distance {
+                let within = sample - DVec2::new(f64::from(x), f64::from(y));
+                *cell = Cell { face, distance, sample: within.as_vec2().to_array() };
             }
         }
-    }
+    });
     let mut texels = Vec::new();
     for (place, cell) in cells.iter().enumerate() {
         if cell.face == NOBODY {
@@ -92,6 +90,25 @@ fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, me
         });
     }
     texels
+}
+
+/// Visits face, footprint, x and y of all touches in a band, by rising face.
+fn for_each_touch(
+    atlas: &Atlas,
+    size: u32,
+    first_row: u32,
+    members: &[u32],
+    mut visit: impl FnMut(u32, &Footprint, u32, u32),
+) {
+    for &face in members {
+        let Some(footprint) = Footprint::new(atlas.corners[face as usize], size) else { continue };
+        let rows = footprint.rows(size);
+        for y in rows.start.max(first_row)..rows.end.min(first_row + BAND) {
+            for x in footprint.columns(y, size) {
+                visit(face, &footprint, x, y);
+            }
+        }
+    }
 }
 
 /// Corner weights of a point of the face: not negative, summing to 1 although the point is rounded.
