@@ -4,8 +4,25 @@
 //! coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
 //! size with them; [`receivers`] turns covered texels into receivers.
 
+mod charts;
+mod gutters;
+mod raster;
+pub mod receivers;
+mod seams;
+pub mod sides;
+#[cfg(test)]
+mod test_scenes;
+pub mod texels;
+pub mod unwrap;
+
 use glam::{Vec2, Vec3};
 use localprt_scenes::FaceId;
+
+/// Told about the work: what is being done, steps done, steps in all (0 if unknown). Returning `false` cancels.
+pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) -> bool + Sync);
+
+/// Marks texels without a receiver in maps from texel to receiver.
+const NO_RECEIVER: u32 = u32::MAX;
 
 /// The lightmap layout of a scene: one for the receiver map and the direct light map.
 #[derive(Clone, Debug, Default)]
@@ -95,4 +112,8 @@ pub struct LayoutReport {
     pub size: u32,
     /// Charts.
     pub charts: u32,
+    /// Share of the map's texels that a face touches, 0..=1.
+    pub used: f32,
+    /// Edge of a texel on the surface, metres, mean over the surface.
+    pub texel_m: f32,
 }

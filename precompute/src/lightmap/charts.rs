@@ -1,0 +1,103 @@
+//! Charts: faces joined by edges that are joined in uv.
+
+use super::Atlas;
+use glam::{Vec2, Vec3};
+use localprt_scenes::Scene;
+
+impl Atlas {
+    /// Reads TEXCOORD_1. Faces of one mesh belong to the same chart where they share an edge with equal positions and
+    /// equal coordinates at both ends; charts are numbered by their first face. Meshes without TEXCOORD_1 get zero
+    /// coordinates, which cover nothing.
+    pub fn of(scene: &Scene) -> Self {
+        let mut corners = Vec::with_capacity(scene.face_count());
+        let mut parent: Vec<u32> = (0..scene.face_count() as u32).collect();
+        let mut edges: Vec<([CornerKey; 2], u32)> = Vec::new();
+        for mesh in &scene.meshes {
+            let uv = mesh.lightmap_uv();
+            edges.clear();
+            for triangle in &mesh.triangles {
+                let face = corners.len() as u32;
+                let uvs = triangle.map(|vertex| uv.map_or(Vec2::ZERO, |uv| uv[vertex as usize]));
+                let keys: [CornerKey; 3] =
+                    std::array::from_fn(|corner| corner_key(mesh.positions[triangle[corner] as usize], uvs[corner]));
+                for corner in 0..3 {
+                    let (a, b) = (keys[corner], keys[(corner + 1) % 3]);
+                    edges.push((if a <= b { [a, b] } else { [b, a] }, face));
+                }
+                corners.push(uvs);
+            }
+            edges.sort_unstable();
+            for pair in edges.windows(2) {
+                if pair[0].0 == pair[1].0 {
+                    join(&mut parent, pair[0].1, pair[1].1);
+                }
+            }
+        }
+        let mut n_charts = 0;
+        let mut chart = vec![0u32; corners.len()];
+        for face in 0..corners.len() {
+            // A root is the lowest face of its chart, so it has its number before the others ask.
+            let root = find(&mut parent, face as u32) as usize;
+            if root == face {
+                chart[face] = n_charts;
+                n_charts += 1;
+            } else {
+                chart[face] = chart[root];
+            }
+        }
+        Self { corners, chart, n_charts }
+    }
+}
+
+/// Position and coordinate as bits, both zeros alike.
+type CornerKey = [u32; 5];
+
+fn corner_key(position: Vec3, uv: Vec2) -> CornerKey {
+    [position.x, position.y, position.z, uv.x, uv.y].map(|value| (value + 0.0).to_bits())
+}
+
+fn find(parent: &mut [u32], face: u32) -> u32 {
+    let mut root = face;
+    while parent[root as usize] != root {
+        // Halving the path keeps later walks short.
+        parent[root as usize] = parent[parent[root as usize] as usize];
+        root = parent[root as usize];
+    }
+    root
+}
+
+fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (find(parent, a), find(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::{plane, scene};
+    use super::*;
+
+    #[test]
+    fn faces_joined_in_uv_are_one_chart_and_others_are_not() {
+        let mut joined = plane("a", Vec3::ZERO, Vec3::X, Vec3::Z, 2, 1);
+        joined.uv_sets = vec![Vec::new(), joined.positions.iter().map(|p| Vec2::new(p.x, p.z)).collect()];
+        let mut other = joined.clone();
+        other.name = "b".into();
+        let atlas = Atlas::of(&scene(vec![joined.clone(), other]));
+        assert_eq!((atlas.chart.as_slice(), atlas.n_charts), ([0, 0, 0, 0, 1, 1, 1, 1].as_slice(), 2));
+
+        // The same plane with its second quad cut off in uv.
+        let mut cut = joined;
+        let uv = cut.uv_sets[1].clone();
+        let first_new = cut.positions.len() as u32;
+        for vertex in 0..first_new as usize {
+            cut.positions.push(cut.positions[vertex]);
+            cut.normals.push(cut.normals[vertex]);
+            cut.uv_sets[1].push(uv[vertex] + 2.0);
+        }
+        for triangle in &mut cut.triangles[2..] {
+            *triangle = triangle.map(|vertex| vertex + first_new);
+        }
+        let atlas = Atlas::of(&scene(vec![cut]));
+        assert_eq!((atlas.chart.as_slice(), atlas.n_charts), ([0, 0, 1, 1].as_slice(), 2));
+    }
+}

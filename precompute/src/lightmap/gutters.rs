@@ -1,0 +1,120 @@
+//! Texels without a receiver that a bilinear tap can touch, and whose light they show.
+
+use super::{NO_RECEIVER, ReceiverSet, TexelMap};
+use rayon::prelude::*;
+
+/// Texels around every chart that are filled.
+const REACH: i64 = 2;
+/// Receivers this near are found by looking at every texel around; beyond, from texel to texel.
+const NEAR: i64 = 3;
+const NO_CHART: u32 = u32::MAX;
+
+/// `(texel, receiver)` for texels within two of a chart's texels, and for covered texels without a receiver: the nearest
+/// receiver of the same chart, the lowest of several; exact within three texels, to about a texel beyond. Charts without
+/// any receiver get nothing.
+pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32]) -> Vec<(u32, u32)> {
+    let grid = Grid { size: i64::from(map.size) };
+    let mut chart_at = vec![NO_CHART; receiver_at.len()];
+    for texel in &map.texels {
+        chart_at[texel.index as usize] = texel.chart;
+    }
+    let mut has_receiver =
+        vec![false; chart_at.iter().filter(|&&chart| chart != NO_CHART).max().map_or(0, |&chart| chart as usize + 1)];
+    for &chart in &receivers.chart {
+        has_receiver[chart as usize] = true;
+    }
+    // Texels to fill, with their chart, in texel order.
+    let open: Vec<(u32, u32)> = (0..receiver_at.len() as u32)
+        .into_par_iter()
+        .filter(|&texel| receiver_at[texel as usize] == NO_RECEIVER)
+        .filter_map(|texel| {
+            let own = chart_at[texel as usize];
+            let chart = if own != NO_CHART {
+                own
+            } else {
+                let around = grid.around(texel, REACH).filter(|&(other, _)| chart_at[other as usize] != NO_CHART);
+                chart_at[around.min_by_key(|&(other, distance)| (distance, chart_at[other as usize]))?.0 as usize]
+            };
+            has_receiver[chart as usize].then_some((texel, chart))
+        })
+        .collect();
+    let mut source: Vec<u32> = open
+        .par_iter()
+        .map(|&(texel, chart)| {
+            grid.around(texel, NEAR)
+                .filter(|&(_, distance)| distance <= NEAR * NEAR)
+                .filter_map(|(other, distance)| Some((distance, held(receiver_at, other)?)))
+                .filter(|&(_, receiver)| receivers.chart[receiver as usize] == chart)
+                .min()
+                .map_or(NO_RECEIVER, |(_, receiver)| receiver)
+        })
+        .collect();
+    spread(&grid, &open, &mut source, receivers);
+    open.iter().zip(source).map(|(&(texel, _), receiver)| (texel, receiver)).collect()
+}
+
+/// Fills the rest from neighbours of the same chart, ring by ring, and what no neighbour reaches from all receivers.
+fn spread(grid: &Grid, open: &[(u32, u32)], source: &mut [u32], receivers: &ReceiverSet) {
+    let mut rest: Vec<usize> = (0..open.len()).filter(|&place| source[place] == NO_RECEIVER).collect();
+    while !rest.is_empty() {
+        let found: Vec<u32> = rest
+            .par_iter()
+            .map(|&place| {
+                let (texel, chart) = open[place];
+                grid.around(texel, 1)
+                    .filter_map(|(other, _)| {
+                        let neighbor = open.binary_search_by_key(&other, |&(texel, _)| texel).ok()?;
+                        let receiver = source[neighbor];
+                        (open[neighbor].1 == chart && receiver != NO_RECEIVER)
+                            .then(|| (grid.distance(texel, receivers.texel[receiver as usize]), receiver))
+                    })
+                    .min()
+                    .map_or(NO_RECEIVER, |(_, receiver)| receiver)
+            })
+            .collect();
+        if found.iter().all(|&receiver| receiver == NO_RECEIVER) {
+            break;
+        }
+        for (&place, receiver) in rest.iter().zip(found) {
+            source[place] = receiver;
+        }
+        rest.retain(|&place| source[place] == NO_RECEIVER);
+    }
+    let mut by_chart: Vec<(u32, u32)> = receivers.chart.iter().copied().zip(0..).collect();
+    by_chart.sort_unstable();
+    for place in rest {
+        let (texel, chart) = open[place];
+        let first = by_chart.partition_point(|&(other, _)| other < chart);
+        let members = by_chart[first..].iter().take_while(|&&(other, _)| other == chart);
+        let nearest =
+            members.map(|&(_, receiver)| (grid.distance(texel, receivers.texel[receiver as usize]), receiver)).min();
+        source[place] = nearest.map_or(0, |(_, receiver)| receiver);
+    }
+}
+
+fn held(receiver_at: &[u32], texel: u32) -> Option<u32> {
+    Some(receiver_at[texel as usize]).filter(|&receiver| receiver != NO_RECEIVER)
+}
+
+struct Grid {
+    size: i64,
+}
+
+impl Grid {
+    /// `(texel, squared distance)` of the other texels at most `reach` rows and columns away.
+    fn around(&self, texel: u32, reach: i64) -> impl Iterator<Item = (u32, i64)> {
+        let (size, x, y) = (self.size, i64::from(texel) % self.size, i64::from(texel) / self.size);
+        (-reach..=reach)
+            .flat_map(move |dy| (-reach..=reach).map(move |dx| (dx, dy)))
+            .filter(move |&(dx, dy)| {
+                (dx, dy) != (0, 0) && (0..size).contains(&(x + dx)) && (0..size).contains(&(y + dy))
+            })
+            .map(move |(dx, dy)| (((y + dy) * size + x + dx) as u32, dx * dx + dy * dy))
+    }
+
+    fn distance(&self, a: u32, b: u32) -> i64 {
+        let (a, b) = (i64::from(a), i64::from(b));
+        let (dx, dy) = (a % self.size - b % self.size, a / self.size - b / self.size);
+        dx * dx + dy * dy
+    }
+}

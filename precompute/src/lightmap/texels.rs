@@ -1,0 +1,118 @@
+//! From the atlas to the texels of a map that faces cover.
+
+use super::raster::Footprint;
+use super::{Atlas, Texel, TexelMap};
+use glam::{DVec2, DVec3, Vec3};
+use localprt_scenes::{FaceId, Scene};
+use rayon::prelude::*;
+
+/// Rows that one task covers.
+const BAND: u32 = 32;
+const NOBODY: u32 = u32::MAX;
+
+/// Covers a map of `size` texels per side. Every texel that a face touches is listed once. A texel whose centre lies on
+/// a face belongs to it, to the lowest of several; any other to the touching face with the point nearest to the centre.
+pub fn cover(scene: &Scene, atlas: &Atlas, size: u32) -> TexelMap {
+    let faces: Vec<(u32, u32)> = scene.faces().map(|(mesh, triangle)| (mesh as u32, triangle as u32)).collect();
+    let bands = bands(atlas, size);
+    let texels: Vec<Vec<Texel>> = bands
+        .par_iter()
+        .enumerate()
+        .map(|(band, members)| cover_band(atlas, &faces, size, band as u32 * BAND, members))
+        .collect();
+    TexelMap { size, texels: texels.into_iter().flatten().collect() }
+}
+
+/// For each band of [`BAND`] rows the faces that touch it, by rising number.
+fn bands(atlas: &Atlas, size: u32) -> Vec<Vec<u32>> {
+    let mut bands = vec![Vec::new(); size.div_ceil(BAND) as usize];
+    for (face, &uv) in atlas.corners.iter().enumerate() {
+        let Some(footprint) = Footprint::new(uv, size) else { continue };
+        let rows = footprint.rows(size);
+        if !rows.is_empty() {
+            for band in &mut bands[(rows.start / BAND) as usize..=((rows.end - 1) / BAND) as usize] {
+                band.push(face as u32);
+            }
+        }
+    }
+    bands
+}
+
+#[derive(Clone, Copy)]
+struct Cell {
+    face: u32,
+    /// From the texel centre to the face, texels; 0 if the face holds it.
+    distance: f32,
+    sample: [f32; 2],
+}
+
+fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, members: &[u32]) -> Vec<Texel> {
+    let n_rows = BAND.min(size - first_row);
+    let nothing = Cell { face: NOBODY, distance: f32::INFINITY, sample: [0.0; 2] };
+    let mut cells = vec![nothing; (n_rows * size) as usize];
+    // Centres first: most texels are settled by them, and cutting faces to texels is the dear part.
+    for_each_touch(atlas, size, first_row, members, |face, footprint, x, y| {
+        let cell = &mut cells[((y - first_row) * size + x) as usize];
+        if cell.face == NOBODY && footprint.contains(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) {
+            *cell = Cell { face, distance: 0.0, sample: [0.5; 2] };
+        }
+    });
+    for_each_touch(atlas, size, first_row, members, |face, footprint, x, y| {
+        let cell = &mut cells[((y - first_row) * size + x) as usize];
+        if cell.distance == 0.0 {
+            return;
+        }
+        if let Some((distance, sample)) = footprint.sample_in(x, y) {
+            // Never 0: that marks a held centre.
+            let distance = (distance as f32).max(f32::MIN_POSITIVE);
+            if distance < cell.distance {
+                let within = sample - DVec2::new(f64::from(x), f64::from(y));
+                *cell = Cell { face, distance, sample: within.as_vec2().to_array() };
+            }
+        }
+    });
+    let mut texels = Vec::new();
+    for (place, cell) in cells.iter().enumerate() {
+        if cell.face == NOBODY {
+            continue;
+        }
+        let (x, y) = (place as u32 % size, first_row + place as u32 / size);
+        let Some(footprint) = Footprint::new(atlas.corners[cell.face as usize], size) else { continue };
+        let point = DVec2::new(f64::from(x) + f64::from(cell.sample[0]), f64::from(y) + f64::from(cell.sample[1]));
+        let (mesh, triangle) = faces[cell.face as usize];
+        texels.push(Texel {
+            index: y * size + x,
+            face: FaceId(cell.face),
+            mesh,
+            triangle,
+            barycentrics: weights(&footprint, point),
+            chart: atlas.chart[cell.face as usize],
+        });
+    }
+    texels
+}
+
+/// Visits face, footprint, x and y of all touches in a band, by rising face.
+fn for_each_touch(
+    atlas: &Atlas,
+    size: u32,
+    first_row: u32,
+    members: &[u32],
+    mut visit: impl FnMut(u32, &Footprint, u32, u32),
+) {
+    for &face in members {
+        let Some(footprint) = Footprint::new(atlas.corners[face as usize], size) else { continue };
+        let rows = footprint.rows(size);
+        for y in rows.start.max(first_row)..rows.end.min(first_row + BAND) {
+            for x in footprint.columns(y, size) {
+                visit(face, &footprint, x, y);
+            }
+        }
+    }
+}
+
+/// Corner weights of a point of the face: not negative, summing to 1 although the point is rounded.
+pub(super) fn weights(footprint: &Footprint, point: DVec2) -> Vec3 {
+    let weights = footprint.barycentrics(point).max(DVec3::ZERO);
+    (weights / weights.element_sum()).as_vec3()
+}

@@ -1,0 +1,81 @@
+//! Why a scene got no layout.
+
+use super::{MAX_SIZE, MIN_SIZE};
+
+/// Why a scene got no layout.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnwrapError {
+    /// The receiver map is too small or too large.
+    #[error("a lightmap of {texels} texels per side is out of range: choose {MIN_SIZE} to {MAX_SIZE}")]
+    SizeOutOfRange {
+        /// What was asked for.
+        texels: u32,
+    },
+    /// The texel size is no length.
+    #[error("a texel of {texel_m} m is no length: choose one above 0")]
+    BadTexel {
+        /// What was asked for, metres.
+        texel_m: f32,
+    },
+    /// The map would exceed [`MAX_SIZE`].
+    #[error(
+        "texels of {texel_m} m need a lightmap of at least {needed} texels per side, at most {MAX_SIZE} are possible: choose a texel of {possible_m} m or more, or split the scene"
+    )]
+    TexelTooSmall {
+        /// What was asked for, metres.
+        texel_m: f32,
+        /// Texels per side that it takes.
+        needed: u64,
+        /// A texel size that may fit, metres.
+        possible_m: f32,
+    },
+    /// A vertex that no surface can have.
+    #[error("mesh {mesh} ({source_path}): vertex {vertex} is not finite")]
+    NotFinite {
+        /// Mesh name.
+        mesh: String,
+        /// Place in the source file.
+        source_path: String,
+        /// Vertex index.
+        vertex: usize,
+    },
+    /// More charts than the map has room for.
+    #[error(
+        "the surface falls into {charts} charts, which do not fit a lightmap of {texels} texels per side: choose a larger lightmap, or join vertices that lie apart by accident"
+    )]
+    TooManyCharts {
+        /// Charts.
+        charts: u32,
+        /// Texels per side.
+        texels: u32,
+    },
+    /// The backend is not in this build.
+    #[error("this program was built without xatlas: build it with `--features xatlas`, or unwrap with uvunwrap")]
+    NotBuilt,
+    /// The backend refused the surface.
+    #[error("{backend} could not unwrap the scene: {reason}")]
+    Backend {
+        /// Backend name.
+        backend: &'static str,
+        /// In its words.
+        reason: String,
+    },
+    /// The backend's process failed.
+    #[error("xatlas did not finish ({reason}): unwrap with uvunwrap instead")]
+    Child {
+        /// What happened to the process.
+        reason: String,
+    },
+    /// The caller asked to stop.
+    #[error("unwrapping was cancelled")]
+    Cancelled,
+}
+
+impl UnwrapError {
+    pub(super) fn texel_too_small(texel_m: f32, needed: u64) -> Self {
+        // Charts never fill a map; three quarters is what unwraps of connected surfaces reach.
+        let possible_m = texel_m * needed as f32 / MAX_SIZE as f32 / 0.75f32.sqrt();
+        Self::TexelTooSmall { texel_m, needed, possible_m }
+    }
+}
