@@ -30,8 +30,8 @@ const COVERED: f64 = 0.167;
 const RUNS: usize = 10;
 
 fn main() -> Result<(), RelightError> {
-    let arrays = synthetic_bake();
     let surface = synthetic_surface();
+    let arrays = synthetic_bake(&surface);
     let baked = CheckedBake::new(arrays.view())?;
     surface.check(DIRECT_SIZE)?;
     let mut light_map: Vec<_> = level_sizes(DIRECT_SIZE).into_iter().map(CoverageMap::uncovered).collect();
@@ -69,7 +69,7 @@ fn time(name: &str, mut pass: impl FnMut()) {
     println!("{name:<24} best {:8.2} ms, median {:8.2} ms", milliseconds[0], milliseconds[RUNS / 2]);
 }
 
-fn synthetic_bake() -> BakedArrays {
+fn synthetic_bake(surface: &SurfaceTexels) -> BakedArrays {
     let random = |stream, i: u64| counter_uniform(1, stream, i);
     let mut arrays = BakedArrays {
         metadata: Metadata {
@@ -92,8 +92,12 @@ fn synthetic_bake() -> BakedArrays {
         arrays.ray_sh.extend(values.iter().map(|value| value * 4.0 * std::f32::consts::PI / N_RAYS as f32));
     }
     let n_hits = u64::from(N_PROBES * N_RAYS);
-    // Random hits all over the map, levels 0 to 5: worse for caches than a real scene.
-    arrays.ray_uv = (0..n_hits).map(|i| (random(0, i) * f64::from(u32::MAX)) as u32).collect();
+    // Hits anywhere on covered texels, levels 0 to 5: worse for caches than a real scene, where rays of one probe meet
+    // near surfaces.
+    let hit = |i| surface.index[(random(0, i) * surface.len() as f64) as usize];
+    let unorm16 = |texel: u32| ((2 * texel + 1) * 65535) / (2 * DIRECT_SIZE);
+    let pack = |index: u32| unorm16(index % DIRECT_SIZE) | unorm16(index / DIRECT_SIZE) << 16;
+    arrays.ray_uv = (0..n_hits).map(|i| pack(hit(i))).collect();
     arrays.ray_level = (0..n_hits).map(|i| (random(1, i) * 6.0) as u8).collect();
     let n_projection = N_COEFFICIENTS * PROBES_PER_CLUSTER * n_sh as u32;
     let n_reconstruction = N_COEFFICIENTS * RECEIVERS_PER_CLUSTER;

@@ -6,7 +6,7 @@ use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Widest map that is relit, texels per side: 2^14, four times the usual widest texture of WebGPU-class adapters.
+/// Widest map that is relit, texels per side: 2^14, twice the widest texture that WebGPU guarantees.
 pub const MAX_MAP_SIZE: u32 = 1 << 14;
 /// Highest receiver degree with a conversion to irradiance.
 pub const MAX_RECEIVER_DEGREE: u32 = 1;

@@ -31,6 +31,8 @@ pub fn cluster_projection(
     let lights = split_ranges(cluster_lights, (0..view.clusters.len()).map(|cluster| baked.light_range(cluster)));
     lights.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (cluster, lights)| {
         let record = &view.clusters[cluster];
+        // A cluster without columns has no rows to write its lights.
+        lights.fill(Vec3::ZERO);
         scratch.input.iter_mut().for_each(Vec::clear);
         let probes = &view.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
         for &probe in probes {
@@ -85,4 +87,72 @@ fn dot(row: &[f32], input: &[Vec<f32>; 3]) -> Vec3 {
         (lanes + rest) as f32
     };
     Vec3::new(total(&sums[0], red.1), total(&sums[1], green.1), total(&sums[2], blue.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_bake;
+    use half::f16;
+    use localprt_formats::BakedArrays;
+
+    fn project(arrays: &BakedArrays, probe_radiance: &[Vec3], sky_sh: &[Vec3]) -> Vec<Vec3> {
+        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let mut lights = vec![Vec3::NAN; baked.n_cluster_lights()];
+        cluster_projection(&baked, probe_radiance, sky_sh, &mut lights);
+        lights
+    }
+
+    #[test]
+    fn agrees_with_the_dense_product_in_double_precision() {
+        for (probe_degree, sky_degree, black_sky) in [(2, 2, false), (3, 1, false), (7, 0, false), (2, 2, true)] {
+            let arrays = test_bake::random(probe_degree, 0, sky_degree);
+            let (n_sh, n_sky) = (arrays.metadata.n_sh(), arrays.metadata.n_sky());
+            let lambda = test_bake::random_colors(1, 5 * n_sh);
+            let sky = if black_sky { Vec::new() } else { test_bake::random_colors(2, n_sky) };
+            let found = project(&arrays, &lambda, &sky);
+            // The columns of all probes and the sky in one vector, as in Eq. (11) before zero columns are dropped.
+            let mut dense = Vec::new();
+            for record in &arrays.clusters {
+                let probes = &arrays.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
+                let n_columns = probes.len() * n_sh + record.n_sky as usize;
+                for row in 0..record.n_coefficients as usize {
+                    let weights = &arrays.projection[2 * record.projection_pair as usize + row * n_columns..];
+                    let (mut sum, mut magnitude) = ([0.0f64; 3], 0.0);
+                    for (column, weight) in weights[..n_columns].iter().enumerate() {
+                        let value = match probes.get(column / n_sh) {
+                            Some(&probe) => lambda[probe as usize * n_sh + column % n_sh],
+                            None => sky.get(column - probes.len() * n_sh).copied().unwrap_or(Vec3::ZERO),
+                        };
+                        for (sum, value) in sum.iter_mut().zip(value.to_array()) {
+                            *sum += f64::from(*weight) * f64::from(value);
+                            magnitude += (f64::from(*weight) * f64::from(value)).abs();
+                        }
+                    }
+                    dense.push((sum, magnitude));
+                }
+            }
+            assert_eq!(found.len(), dense.len());
+            assert_eq!(found.len(), 6);
+            for (value, (sum, magnitude)) in found.iter().zip(dense) {
+                for (channel, sum) in value.to_array().into_iter().zip(sum) {
+                    // (3 * 64 / 8 + 3) * 2^-24 = 1.6e-6.
+                    assert!((f64::from(channel) - sum).abs() <= 1.6e-6 * magnitude, "{channel} instead of {sum}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn half_precision_weights_are_decoded_exactly() {
+        let mut arrays = test_bake::furnace(0);
+        let ones = [Vec3::ONE, Vec3::ZERO];
+        // Largest, smallest subnormal, one ulp above one, negative.
+        for (bits, expected) in
+            [(0x7bff, 65504.0), (0x0001, 2.0f32.powi(-24)), (0x3c01, 1.0 + 2.0f32.powi(-10)), (0xc500, -5.0)]
+        {
+            arrays.projection[0] = f16::from_bits(bits);
+            assert_eq!(project(&arrays, &ones, &[]), [Vec3::splat(expected)]);
+        }
+    }
 }

@@ -54,18 +54,25 @@ impl SurfaceTexels {
             }
         }
         let limit = u64::from(self.size) * u64::from(self.size);
-        let is_bad = |position: usize| {
-            let index = self.index[position];
-            u64::from(index) >= limit || (position > 0 && self.index[position - 1] >= index)
-        };
-        if let Some(position) = (0..self.len()).into_par_iter().find_first(|&position| is_bad(position)) {
+        let rises = |position: usize| position == 0 || self.index[position - 1] < self.index[position];
+        let is_bad = |position: usize| u64::from(self.index[position]) >= limit || !rises(position);
+        if let Some(position) = first_where(self.len(), is_bad) {
             return Err(RelightError::TexelIndex { position, index: self.index[position], limit });
         }
         for (what, values) in arrays {
-            if let Some(index) = values.par_iter().position_first(|value| !value.is_finite()) {
+            if let Some(index) = first_where(values.len(), |index| !values[index].is_finite()) {
                 return Err(RelightError::NotFinite { what, index });
             }
         }
         Ok(())
     }
+}
+
+/// First of `0..len` for which `is_bad` holds, searched in parallel blocks without a branch per entry.
+fn first_where(len: usize, is_bad: impl Fn(usize) -> bool + Sync) -> Option<usize> {
+    const BLOCK: usize = 4096;
+    let block = |block: usize| block * BLOCK..len.min((block + 1) * BLOCK);
+    let has_bad = |&index: &usize| block(index).fold(false, |found, entry| found | is_bad(entry));
+    let bad_block = (0..len.div_ceil(BLOCK)).into_par_iter().find_first(has_bad)?;
+    block(bad_block).find(|&entry| is_bad(entry))
 }

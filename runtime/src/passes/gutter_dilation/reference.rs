@@ -23,3 +23,24 @@ pub fn gutter_dilation(baked: &CheckedBake<'_>, irradiance: &[Vec3], map: &mut C
         texels[texel as usize] = irradiance[receiver as usize].extend(1.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_bake;
+
+    #[test]
+    fn gutters_take_the_value_of_their_receiver() {
+        let arrays = test_bake::random(1, 0, 1);
+        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let irradiance: Vec<_> = (0..12).map(|receiver| Vec3::new(receiver as f32, 1.0, 2.0)).collect();
+        let mut map = CoverageMap::uncovered(4);
+        gutter_dilation(&baked, &irradiance, &mut map);
+        for receiver in 0..11 {
+            assert_eq!(map.color(receiver), irradiance[receiver]);
+        }
+        assert_eq!([13, 14, 15].map(|texel| map.color(texel).x), [0.0, 4.0, 11.0]);
+        let covered = (0..16).map(|texel| map.coverage(texel)).sum::<f32>();
+        assert_eq!((covered, map.coverage(11), map.coverage(12)), (14.0, 0.0, 0.0));
+    }
+}

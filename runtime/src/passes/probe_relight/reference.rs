@@ -97,3 +97,6 @@ fn add_products(table: &[f32], n_sh: usize, radiance: &[[f32; 3]], sums: &mut [[
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
