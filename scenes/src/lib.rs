@@ -4,6 +4,7 @@
 //! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
 //! overrides.
 
+pub mod builtin;
 pub mod lighting;
 pub mod scene;
 
