@@ -6,6 +6,7 @@
 
 pub mod gltf_export;
 pub mod gltf_import;
+pub mod builtin;
 pub mod lighting;
 pub mod scene;
 
