@@ -3,9 +3,12 @@
 use crate::{
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
-    lightmap::{Atlas, LayoutReport, ReceiverSet, receivers, sides, texels, unwrap},
+    lightmap::{
+        Atlas, LayoutReport, ReceiverSet, receivers, sides, texels,
+        unwrap::{self, LayoutSize, UnwrapError},
+    },
     probes::{self, PlacementReport, ProbeSet, Support},
-    progress::Progress,
+    progress::{Cancelled, Progress},
     rays::{RayCaster, TreeError},
     relight_rays::{self, RelightRays},
     report::{
@@ -36,6 +39,9 @@ pub struct BakeOutput {
     pub report: BakeReport,
 }
 
+/// Help for options out of range.
+const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
+
 /// A leaf's clusters and the rays they cost.
 struct LeafResult {
     clusters: Vec<Cluster>,
@@ -48,7 +54,7 @@ struct LeafResult {
 /// Those of the stages, by who can act; see [`BakeError`].
 pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Result<BakeOutput, BakeError> {
     let started = Instant::now();
-    settings.check()?;
+    settings.check().map_err(|range| BakeError::Option { what: range.to_string(), remedy: RANGES_HELP.into() })?;
     let source = scene_facts(&scene);
     if scene.face_count() == 0 {
         return Err(BakeError::Scene {
@@ -60,7 +66,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
 
     // Space: which side of a surface light can reach.
     let bounds = scene.bounds().unwrap_or_default();
-    let rho = voxels::spacing(bounds, settings).map_err(voxel_error)?;
+    let rho = voxels::spacing(bounds, settings);
     let (grid, scene, layout) = {
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
         let grid = {
@@ -78,10 +84,9 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     let caster = RayCaster::new(&scene).map_err(tree_error)?;
     let atlas = Atlas::of(&scene);
     let receivers = {
-        let stage = progress.stage("receivers", 0);
-        receivers::place(&scene, &atlas, &caster, layout.size, &|done| stage.inc(done))
+        let _stage = progress.stage("receivers", 0);
+        receivers::place(&scene, &atlas, &caster, layout.size, &|_, _, _| !progress.is_cancelled()).ok_or(Cancelled)?
     };
-    progress.check()?;
     if receivers.is_empty() {
         return Err(BakeError::Scene {
             what: "no texel of the lightmap is a receiver: every surface lies inside or behind geometry".into(),
@@ -162,8 +167,10 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     report.bytes = Bytes {
         projection: 2 * arrays.projection.len() as u64,
         reconstruction: 2 * arrays.reconstruction.len() as u64,
-        relight: (16 * arrays.ray_dirs.len() + 4 * arrays.ray_sh.len() + 4 * arrays.ray_uv.len() + arrays.ray_level.len())
-            as u64,
+        relight: (16 * arrays.ray_dirs.len()
+            + 4 * arrays.ray_sh.len()
+            + 4 * arrays.ray_uv.len()
+            + arrays.ray_level.len()) as u64,
         file: 0,
     };
     drop(_stage);
@@ -186,25 +193,33 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
 
 /// The scene with lightmap coordinates: its own if usable, else unwrapped, with a face for each live side.
 fn layout(
-    scene: &Scene, caster: &RayCaster<'_>, grid: &VoxelGrid, settings: &BakeSettings, progress: &Progress,
+    scene: &Scene,
+    caster: &RayCaster<'_>,
+    grid: &VoxelGrid,
+    settings: &BakeSettings,
+    progress: &Progress,
 ) -> Result<(Scene, LayoutReport), BakeError> {
-    let size = unwrap::LayoutSize::of(settings);
-    let reason = match unwrap::usable(scene, size) {
-        Ok(report) => return Ok((scene.clone(), report)),
-        Err(reason) => reason,
+    let size = settings.texel.map_or(LayoutSize::Lightmap(settings.lightmap), LayoutSize::Texel);
+    let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
+    let Err(reason) = unwrap::usable_layout(scene, size).map_err(unwrap_error)? else {
+        return unwrap::ensure_layout(scene.clone(), settings.unwrap, size, &watch).map_err(unwrap_error);
     };
-    let (split, back_faces) = sides::split(scene.clone(), &|scene, mesh, triangle, front| {
-        sides::is_live(scene, caster, grid, mesh, triangle, front)
-    });
-    let (scene, report) =
-        unwrap::unwrap(split, settings.unwrap, size, &|| progress.is_cancelled()).map_err(unwrap_error)?;
-    Ok((scene, LayoutReport { back_faces, reason: Some(reason.to_string()), ..report }))
+    let (split, back_faces) =
+        sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
+    let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
+    let (scene, report) = unwrap::unwrap_with(split, backend.as_ref(), size, &watch).map_err(unwrap_error)?;
+    Ok((scene, LayoutReport { back_faces, reason: Some(reason), ..report }))
 }
 
 /// Arrays of the file: receivers in cluster order.
 fn assemble(
-    scene: &Scene, settings: &BakeSettings, layout: &LayoutReport, receivers: &ReceiverSet, probes: &ProbeSet,
-    rays: RelightRays, clusters: &[Cluster],
+    scene: &Scene,
+    settings: &BakeSettings,
+    layout: &LayoutReport,
+    receivers: &ReceiverSet,
+    probes: &ProbeSet,
+    rays: RelightRays,
+    clusters: &[Cluster],
 ) -> BakedArrays {
     let n_k = sh::function_count(settings.receiver_degree);
     let mut arrays = BakedArrays {
@@ -238,10 +253,7 @@ fn assemble(
         arrays.cluster_probes.extend_from_slice(&cluster.probes);
         extend_even(&mut arrays.projection, &cluster.rows.projection);
         extend_even(&mut arrays.reconstruction, &cluster.rows.reconstruction);
-        debug_assert_eq!(
-            cluster.rows.reconstruction.len(),
-            cluster.members.len() * n_k * cluster.rows.n_coefficients
-        );
+        debug_assert_eq!(cluster.rows.reconstruction.len(), cluster.members.len() * n_k * cluster.rows.n_coefficients);
         for (&member, &unseen) in cluster.members.iter().zip(&cluster.unseen) {
             let member = member as usize;
             stored[member] = arrays.receiver_texel.len() as u32;
@@ -251,8 +263,7 @@ fn assemble(
             arrays.receiver_unseen.push(unseen);
         }
     }
-    arrays.gutters =
-        receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
+    arrays.gutters = receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
     arrays.seams = receivers
         .seams
         .iter()
@@ -321,7 +332,11 @@ fn placement_facts(placement: &PlacementReport) -> PlacementFacts {
 }
 
 fn fill_results(
-    report: &mut BakeReport, receivers: &ReceiverSet, probes: &ProbeSet, support: &Support, clusters: &[Cluster],
+    report: &mut BakeReport,
+    receivers: &ReceiverSet,
+    probes: &ProbeSet,
+    support: &Support,
+    clusters: &[Cluster],
 ) {
     report.receivers = receivers.len() as u64;
     report.invalid_receivers = receivers.invalid.len() as u64;
@@ -358,7 +373,10 @@ fn tree_error(error: TreeError) -> BakeError {
 }
 
 fn voxel_error(error: voxels::VoxelError) -> BakeError {
-    stage_error(&error.to_string(), matches!(error, voxels::VoxelError::EmptyScene | voxels::VoxelError::NotFinite { .. }))
+    stage_error(
+        &error.to_string(),
+        matches!(error, voxels::VoxelError::EmptyScene | voxels::VoxelError::NotFinite { .. }),
+    )
 }
 
 fn placement_error(error: probes::PlacementError) -> BakeError {
@@ -367,23 +385,20 @@ fn placement_error(error: probes::PlacementError) -> BakeError {
     stage_error(&error.to_string(), of_scene)
 }
 
-fn unwrap_error(error: unwrap::UnwrapError) -> BakeError {
-    if error.is_cancelled() {
-        return BakeError::Cancelled(crate::progress::Cancelled);
+fn unwrap_error(error: UnwrapError) -> BakeError {
+    match error {
+        UnwrapError::Cancelled => BakeError::Cancelled(Cancelled),
+        UnwrapError::NotBuilt => {
+            BakeError::Unsupported { what: error.to_string(), remedy: "use the default unwrap backend".into() }
+        }
+        UnwrapError::NotFinite { .. } | UnwrapError::Backend { .. } => stage_error(&error.to_string(), true),
+        _ => stage_error(&error.to_string(), false),
     }
-    if error.is_unsupported() {
-        return BakeError::Unsupported { what: error.to_string(), remedy: "use the default unwrap backend".into() };
-    }
-    stage_error(&error.to_string(), !error.is_limit())
 }
 
 /// The stages' messages end in `: REMEDY`.
 fn stage_error(message: &str, of_scene: bool) -> BakeError {
     let (what, remedy) = message.rsplit_once(": ").unwrap_or((message, "see precompute bake --help"));
     let (what, remedy) = (what.to_owned(), remedy.to_owned());
-    if of_scene {
-        BakeError::Scene { what, place: None, remedy }
-    } else {
-        BakeError::Option { what, remedy }
-    }
+    if of_scene { BakeError::Scene { what, place: None, remedy } } else { BakeError::Option { what, remedy } }
 }

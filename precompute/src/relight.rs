@@ -48,7 +48,11 @@ pub fn surface_texels(caster: &RayCaster<'_>, atlas: &Atlas, lighting: &Lighting
 ///
 /// Lights below the horizon of either normal give nothing.
 pub fn direct_irradiance(
-    caster: &RayCaster<'_>, lights: &[Light], position: Vec3, normal: Vec3, geometric_normal: Vec3,
+    caster: &RayCaster<'_>,
+    lights: &[Light],
+    position: Vec3,
+    normal: Vec3,
+    geometric_normal: Vec3,
 ) -> Vec3 {
     let origin = position + geometric_normal * caster.offset_m();
     let mut irradiance = Vec3::ZERO;
@@ -94,7 +98,7 @@ pub fn sky_inputs(sky: &Sky, baked: &BakedView<'_>) -> SkyInputs {
         }
     }
     SkyInputs {
-        sh: sums.iter().map(glam::DVec3::as_vec3).collect(),
+        sh: sums.into_iter().map(|sum| sum.as_vec3()).collect(),
         rays: baked.ray_dirs.iter().map(|&[x, y, z, _]| sky.radiance(Vec3::new(x, y, z))).collect(),
     }
 }

@@ -4,9 +4,9 @@
 //! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
 //! overrides.
 
+pub mod builtin;
 pub mod gltf_export;
 pub mod gltf_import;
-pub mod builtin;
 pub mod lighting;
 pub mod scene;
 
