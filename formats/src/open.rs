@@ -30,7 +30,7 @@ pub struct Baked {
 
 impl Baked {
     /// Maps the file and checks structure, ranges, counts and every index; not the payload checksums, which
-    /// [`crate::check`] verifies.
+    /// [`crate::check()`] verifies.
     ///
     /// The file must not be changed or truncated in place while it is open; replacing it by renaming, as
     /// [`crate::write()`] does, is fine. Where others can write to it, use [`Baked::open_copied`].

@@ -293,10 +293,10 @@ mod tests {
         let basis = Basis::new(4);
         let mut directions = Directions::default();
         let mut weights = [0.0; LANES];
-        for lane in 0..LANES - 1 {
+        for (lane, weight) in weights.iter_mut().enumerate().take(LANES - 1) {
             let [x, y, z] = spherical_fibonacci(lane as u32, 7);
             (directions.x[lane], directions.y[lane], directions.z[lane]) = (x, y, z);
-            weights[lane] = lane as f32 - 2.5;
+            *weight = lane as f32 - 2.5;
         }
         let mut sums = vec![[1.0; LANES]; basis.len()];
         basis.accumulate(&directions, &weights, &mut sums);
