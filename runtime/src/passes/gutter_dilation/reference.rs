@@ -36,8 +36,8 @@ mod tests {
         let irradiance: Vec<_> = (0..12).map(|receiver| Vec3::new(receiver as f32, 1.0, 2.0)).collect();
         let mut map = CoverageMap::uncovered(4);
         gutter_dilation(&baked, &irradiance, &mut map);
-        for receiver in 0..11 {
-            assert_eq!(map.color(receiver), irradiance[receiver]);
+        for (texel, irradiance) in irradiance[..11].iter().enumerate() {
+            assert_eq!(map.color(texel), *irradiance);
         }
         assert_eq!([13, 14, 15].map(|texel| map.color(texel).x), [0.0, 4.0, 11.0]);
         let covered = (0..16).map(|texel| map.coverage(texel)).sum::<f32>();
