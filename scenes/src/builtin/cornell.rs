@@ -1,7 +1,7 @@
 //! The classic Cornell box, 555 units made 2 m.
 //!
-//! Walls and blocks are single-sided, and the blocks have no bottoms: they stand on the floor edge to face, so nothing is
-//! coplanar with it and their insides are closed off.
+//! Walls and blocks are single-sided, and the blocks have no bottoms: they stand on the floor edge to face, so nothing
+//! is coplanar with it and their insides are closed off.
 
 use super::shapes::Shape;
 use super::{camera, matte, point_light};
@@ -38,8 +38,8 @@ pub(super) fn build() -> Scene {
             matte("red", [0.63, 0.065, 0.05]),
             matte("green", [0.14, 0.45, 0.091]),
         ],
-        // Irradiance pi / 2 on the floor straight below: bright, but not burnt out on the ceiling.
-        lights: vec![point_light("lamp", Vec3::new(0.0, 1.5, 0.0), 1.125 * std::f32::consts::PI)],
+        // Irradiance 1 on the floor straight below: bright, but not burnt out on the back wall.
+        lights: vec![point_light("lamp", Vec3::new(0.0, 1.5, 0.0), 2.25)],
         // The measured camera: 800 units in front of the opening, 25 mm film behind a 35 mm lens.
         cameras: vec![camera("front", Vec3::new(0.0, 1.0, 3.9), Vec3::new(0.0, 1.0, 0.0), 39.3)],
         ..Scene::default()

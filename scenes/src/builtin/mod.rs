@@ -1,4 +1,4 @@
-//! Scenes built in code, for tests, first steps and closed forms. World space in metres, +Y up, linear colours.
+//! Scenes built in code, for tests, first steps and closed forms. World space in metres, +Y up, linear colors.
 //!
 //! Walls of rooms are single-sided and face inwards: from outside they are invisible to a camera and black to light.
 //! None of the scenes has lightmap coordinates; the bake unwraps them.

@@ -1,5 +1,5 @@
-//! Geometry that the scenes are made of. Triangles are counter-clockwise seen from the front; every flat face has its own
-//! vertices, so that shading normals are those of the faces. Shared edges have bit-equal end points.
+//! Geometry that the scenes are made of. Triangles are counter-clockwise seen from the front; every flat face has its
+//! own vertices, so that shading normals are those of the faces. Shared edges have bit-equal end points.
 
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
@@ -201,8 +201,8 @@ impl Shape {
     }
 }
 
-/// Lower edge of an arcade from `-half_length` to `half_length`: `bays` half-circle arches of the given radius that spring
-/// at height `springing`, `segments` straight pieces each.
+/// Lower edge of an arcade from `-half_length` to `half_length`: `bays` half-circle arches of the given radius that
+/// spring at height `springing`, `segments` straight pieces each.
 pub(super) fn arches(half_length: f32, bays: usize, radius: f32, springing: f32, segments: usize) -> Vec<Vec2> {
     let bay = 2.0 * half_length / bays as f32;
     let mut edge = vec![Vec2::new(-half_length, springing)];

@@ -13,8 +13,8 @@ pub const SPHERE_ALBEDO: f32 = 0.5;
 /// Candela of the light at its center.
 pub const SPHERE_INTENSITY: f32 = std::f32::consts::PI;
 
-/// An icosahedron, every triangle split in four this many times: 5120 triangles, whose middles are at most 0.12 % nearer to
-/// the center than their corners.
+/// An icosahedron, every triangle split in four this many times: 5120 triangles, whose middles are at most 0.12 %
+/// nearer to the center than their corners.
 const SUBDIVISIONS: usize = 4;
 
 pub(super) fn build() -> Scene {

@@ -1,9 +1,10 @@
-//! Reads the lighting JSON. Values are walked by hand so that every message can name its place.
+//! Reads the lighting JSON: which keys there are, what they mean and what they may hold.
 
+use super::place::{Place, edit_distance};
 use super::{Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, equirect};
 use crate::scene::Scene;
 use glam::Vec3;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::path::Path;
@@ -207,124 +208,6 @@ fn parse_materials(place: &Place) -> Result<BTreeMap<String, MaterialOverride>, 
     Ok(overrides)
 }
 
-/// A value and where it stands.
-struct Place<'a> {
-    pointer: String,
-    value: &'a Value,
-}
-
-/// An object whose keys are all known.
-struct Object<'a> {
-    pointer: String,
-    entries: &'a Map<String, Value>,
-}
-
-impl<'a> Place<'a> {
-    fn child(&self, key: &str) -> String {
-        // Escapes of RFC 6901.
-        format!("{}/{}", self.pointer, key.replace('~', "~0").replace('/', "~1"))
-    }
-
-    fn shown(&self) -> String {
-        if self.pointer.is_empty() { "top level".into() } else { self.pointer.clone() }
-    }
-
-    fn object(&self, known: &[&'static str]) -> Result<Object<'a>, LightingError> {
-        let Value::Object(entries) = self.value else {
-            return Err(self.wrong_type("an object"));
-        };
-        if let Some(key) = entries.keys().find(|key| !known.contains(&key.as_str())) {
-            let nearest = known.iter().min_by_key(|candidate| edit_distance(key, candidate));
-            return Err(LightingError::UnknownKey {
-                place: self.shown(),
-                key: key.clone(),
-                nearest: nearest.copied().unwrap_or(""),
-                known: known.join(", "),
-            });
-        }
-        Ok(Object { pointer: self.pointer.clone(), entries })
-    }
-
-    fn items(&self) -> Result<Vec<Place<'a>>, LightingError> {
-        let Value::Array(items) = self.value else {
-            return Err(self.wrong_type("an array"));
-        };
-        let place = |(index, value)| Place { pointer: format!("{}/{index}", self.pointer), value };
-        Ok(items.iter().enumerate().map(place).collect())
-    }
-
-    fn text(&self) -> Result<&'a str, LightingError> {
-        self.value.as_str().ok_or_else(|| self.wrong_type("a string"))
-    }
-
-    /// Finite as f32.
-    fn number(&self) -> Result<f32, LightingError> {
-        let number = self.value.as_f64().ok_or_else(|| self.wrong_type("a number"))? as f32;
-        if number.is_finite() { Ok(number) } else { Err(self.out_of_range("within the range of 32-bit floats")) }
-    }
-
-    fn number_within(&self, allowed: &'static str, is_allowed: impl Fn(f32) -> bool) -> Result<f32, LightingError> {
-        let number = self.number()?;
-        if is_allowed(number) { Ok(number) } else { Err(self.out_of_range(allowed)) }
-    }
-
-    fn vector(&self) -> Result<Vec3, LightingError> {
-        match self.value {
-            Value::Array(items) if items.len() == 3 => {
-                let items = self.items()?;
-                Ok(Vec3::new(items[0].number()?, items[1].number()?, items[2].number()?))
-            }
-            _ => Err(self.wrong_type("an array of three numbers")),
-        }
-    }
-
-    /// Three numbers of at least 0.
-    fn radiance(&self) -> Result<Vec3, LightingError> {
-        let radiance = self.vector()?;
-        if radiance.min_element() >= 0.0 { Ok(radiance) } else { Err(self.out_of_range("at least 0 in every band")) }
-    }
-
-    fn wrong_type(&self, expected: &'static str) -> LightingError {
-        let found = match self.value {
-            Value::Null => "null".into(),
-            Value::Bool(value) => value.to_string(),
-            Value::Number(number) => number.to_string(),
-            Value::String(_) => "a string".into(),
-            Value::Array(items) => format!("an array of {}", items.len()),
-            Value::Object(_) => "an object".into(),
-        };
-        LightingError::WrongType { place: self.shown(), expected, found }
-    }
-
-    fn out_of_range(&self, allowed: &'static str) -> LightingError {
-        LightingError::OutOfRange { place: self.shown(), allowed, found: self.value.to_string() }
-    }
-
-    fn unknown_choice(&self, allowed: &'static str, found: &str) -> LightingError {
-        LightingError::UnknownChoice { place: self.shown(), allowed, found: found.into() }
-    }
-}
-
-impl<'a> Object<'a> {
-    fn get(&self, key: &'static str) -> Option<Place<'a>> {
-        self.entries.get(key).map(|value| Place { pointer: format!("{}/{key}", self.pointer), value })
-    }
-
-    fn require(&self, key: &'static str, reason: &'static str) -> Result<Place<'a>, LightingError> {
-        self.get(key).ok_or_else(|| LightingError::MissingKey { place: self.pointer.clone(), key, reason })
-    }
-
-    fn number_or(
-        &self,
-        key: &'static str,
-        default: f32,
-        allowed: &'static str,
-        is_allowed: impl Fn(f32) -> bool,
-    ) -> Result<f32, LightingError> {
-        self.get(key).map_or(Ok(default), |place| place.number_within(allowed, is_allowed))
-    }
-}
-
 /// The three names that differ least from the one asked for.
 fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
     let mut near: Vec<&str> = known.iter().copied().collect();
@@ -334,22 +217,6 @@ fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
     near.sort_by_key(|candidate| edit_distance(&name.to_lowercase(), &candidate.to_lowercase()));
     let quoted: Vec<String> = near.iter().take(3).map(|name| format!("\"{name}\"")).collect();
     format!("nearest are {} (of {})", quoted.join(", "), near.len())
-}
-
-/// Fewest insertions, deletions and replacements of characters between two words (Levenshtein).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, to) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(from != *to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -487,6 +354,27 @@ mod tests {
             let error = message(&text);
             assert!(error.starts_with(place), "{text}\n{error}");
         }
+    }
+
+    #[test]
+    fn the_bundled_sky_leaves_the_sun_of_the_scene() {
+        let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
+        let atrium = crate::builtin::scene("atrium").unwrap();
+        let lighting = Lighting::load_for(&assets.join("clear-sky.json"), &atrium).unwrap();
+        assert_eq!(lighting.lights, atrium.lights);
+        assert!(!lighting.sky.is_black());
+    }
+
+    #[test]
+    fn an_equirect_image_is_found_beside_the_lighting_file() {
+        let folder = tempfile::tempdir().unwrap();
+        exr::prelude::write_rgb_file(folder.path().join("sky.exr"), 4, 2, |_, _| (1.0f32, 2.0f32, 3.0f32)).unwrap();
+        let path = folder.path().join("light.json");
+        let text = r#"{"sky":{"type":"equirect","file":"sky.exr","scale":2,"rotation":-90}}"#;
+        std::fs::write(&path, text).unwrap();
+        let sky = Lighting::load(&path).unwrap().sky;
+        assert!(matches!(sky, Sky::Equirect { width: 4, height: 2, rotation: -90.0, .. }));
+        assert_eq!(sky.radiance(Vec3::X), Vec3::new(2.0, 4.0, 6.0));
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod equirect;
 mod error;
 
 mod json;
+mod place;
 mod punctual;
 mod shading;
 mod sky;
@@ -19,7 +20,7 @@ pub use shading::SurfaceShading;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// One lighting state. Colours are linear Rec. 709.
+/// One lighting state. Colors are linear Rec. 709.
 #[derive(Clone, Debug, Default)]
 pub struct Lighting {
     /// Punctual lights.
@@ -43,7 +44,7 @@ pub struct Light {
     pub position: Vec3,
     /// Unit direction in which the light travels (not used by point lights).
     pub direction: Vec3,
-    /// Linear colour.
+    /// Linear color.
     pub color: Vec3,
     /// Candela for point and spot, lux for directional.
     pub intensity: f32,

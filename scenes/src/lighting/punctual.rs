@@ -10,7 +10,7 @@ pub struct Incident {
     pub dir_to_light: Vec3,
     /// Metres to the light; infinite for directional ones.
     pub distance: f32,
-    /// Irradiance on a surface that faces the light, per colour band. Times the cosine gives a surface's irradiance.
+    /// Irradiance on a surface that faces the light, per color band. Times the cosine gives a surface's irradiance.
     pub irradiance: Vec3,
 }
 

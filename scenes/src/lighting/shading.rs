@@ -4,7 +4,7 @@ use super::Lighting;
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// Surface colours of a scene under a lighting state: the scene's own, or what an override puts in their place.
+/// Surface colors of a scene under a lighting state: the scene's own, or what an override puts in their place.
 pub struct SurfaceShading<'a> {
     scene: &'a Scene,
     /// One per material, resolved once so that a look-up compares no names.
@@ -19,7 +19,7 @@ struct Overrides {
 
 impl<'a> SurfaceShading<'a> {
     /// Resolves the overrides: `albedo_override` comes before a material's albedo, which comes before factor, texture
-    /// and vertex colour. Materials that share a name share their override; names that the scene lacks do nothing.
+    /// and vertex color. Materials that share a name share their override; names that the scene lacks do nothing.
     pub fn new(scene: &'a Scene, lighting: &Lighting) -> Self {
         let overrides = scene.materials.iter().map(|material| {
             let own = lighting.materials.get(&material.name).copied().unwrap_or_default();

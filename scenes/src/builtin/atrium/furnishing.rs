@@ -2,7 +2,7 @@
 
 use super::super::shapes::Shape;
 use super::masonry::{RAIL_HEIGHT, SLAB_INNER};
-use super::{BARK, BAY, CLOTHS, EMBED, LEAVES, LEVELS, LINE, STONE, TERRACOTTA, WATER, noise};
+use super::{BARK, BAY, CLOTHS, EMBED, LEAVES, LEVELS, LINE, STONE, TERRACOTTA, WATER, noise, sin_cos};
 use crate::scene::Mesh;
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -11,6 +11,8 @@ use std::f32::consts::{PI, TAU};
 const TREES: [Vec2; 4] = [Vec2::new(-5.9, -1.75), Vec2::new(-5.9, 1.75), Vec2::new(5.9, -1.75), Vec2::new(5.9, 1.75)];
 /// Top of the paving's highest slab is below this.
 const PAVING: f32 = 0.03;
+/// What stands in the court starts this far below, between the floor and the underside of the paving.
+const SINK: f32 = EMBED / 2.0;
 const CARDS_PER_TREE: u32 = 260;
 const CARDS_PER_BAY: u32 = 70;
 
@@ -40,6 +42,7 @@ fn outline(points: &[(f32, f32)]) -> Vec<Vec2> {
 
 fn fountain() -> Shape {
     let mut shape = Shape::default();
+    let foot = Vec3::new(0.0, -SINK, 0.0);
     let basin = [
         (0.0, 0.0),
         (1.25, 0.0),
@@ -52,7 +55,7 @@ fn fountain() -> Shape {
         (1.0, 0.2),
         (0.0, 0.2),
     ];
-    shape.lathe(Vec3::ZERO, &outline(&basin), 32);
+    shape.lathe(foot, &outline(&basin), 32);
     let stem = [
         (0.0, 0.15),
         (0.22, 0.15),
@@ -68,7 +71,7 @@ fn fountain() -> Shape {
         (0.09, 1.76),
         (0.0, 1.85),
     ];
-    shape.lathe(Vec3::ZERO, &outline(&stem), 24);
+    shape.lathe(foot, &outline(&stem), 24);
     shape
 }
 
@@ -83,7 +86,7 @@ fn pots() -> Shape {
     let profile =
         [(0.0, 0.0), (0.28, 0.0), (0.36, 0.42), (0.42, 0.44), (0.42, 0.56), (0.35, 0.56), (0.34, 0.48), (0.0, 0.48)];
     for at in TREES {
-        shape.lathe(Vec3::new(at.x, 0.0, at.y), &outline(&profile), 20);
+        shape.lathe(Vec3::new(at.x, -SINK, at.y), &outline(&profile), 20);
     }
     // Planters on the edge of the gallery, one per hanging plant.
     for (x, side) in hanging_places() {
@@ -113,7 +116,8 @@ fn leaves() -> Shape {
             let height = 1.0 - (index as f32 + 0.5) * 2.0 / CARDS_PER_TREE as f32;
             let azimuth = index as f32 * PI * (3.0 - 5.0f32.sqrt());
             let across = (1.0 - height * height).sqrt();
-            let outward = Vec3::new(across * azimuth.cos(), height, across * azimuth.sin());
+            let (sin, cos) = sin_cos(azimuth);
+            let outward = Vec3::new(across * cos, height, across * sin);
             let center = crown + outward * Vec3::new(0.8, 0.75, 0.8) * (0.45 + 0.55 * random(0).sqrt());
             let tilt = Vec3::new(random(1) - 0.5, random(2) - 0.2, random(3) - 0.5) * 1.6;
             card(&mut shape, center, outward + tilt, random(4) * TAU, 0.3 + 0.14 * random(5));
@@ -138,8 +142,8 @@ fn leaves() -> Shape {
 /// A square card with the leaf texture.
 fn card(shape: &mut Shape, center: Vec3, facing: Vec3, turn: f32, size: f32) {
     let normal = facing.normalize_or(Vec3::Y);
-    let frame = Quat::from_rotation_arc(Vec3::Z, normal) * Quat::from_rotation_z(turn);
-    let corner = |x: f32, y: f32| center + frame * Vec3::new(x, y, 0.0) * (size / 2.0);
+    let (frame, (sin, cos)) = (Quat::from_rotation_arc(Vec3::Z, normal), sin_cos(turn));
+    let corner = |x: f32, y: f32| center + frame * Vec3::new(x * cos - y * sin, x * sin + y * cos, 0.0) * (size / 2.0);
     let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     shape.quad_with(corners, [normal; 4], [Vec2::new(0.0, 1.0), Vec2::ONE, Vec2::new(1.0, 0.0), Vec2::ZERO]);
 }
@@ -170,7 +174,7 @@ fn banner(shape: &mut Shape, middle: f32, side: f32) {
         } else {
             path[1].lerp(path[2], (along - first) / (2.96 - first))
         };
-        let fold = 0.05 * v * (u * TAU * 2.5 + 0.6 * v).sin();
+        let fold = 0.05 * v * sin_cos(u * TAU * 2.5 + 0.6 * v).0;
         Vec3::new(middle + (u - 0.5) * width, at.x, side * (at.y - fold.max(-0.04)))
     };
     // Faces the court.

@@ -125,7 +125,7 @@ fn arcades() -> Shape {
     }
     for (x, z) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
         let foot = Vec3::new(x * LINE[0], -EMBED, z * LINE[1]);
-        shape.block_at(foot, Vec3::new(0.7, LEVELS[2] - 0.28, 0.7));
+        shape.block_at(foot, Vec3::new(0.7, LEVELS[2] - SLAB_THICKNESS[1] + 2.0 * EMBED, 0.7));
         shape.block_at(foot, Vec3::new(0.84, 0.35, 0.84));
     }
     shape
@@ -152,7 +152,7 @@ fn columns() -> Shape {
 /// Base, shaft with entasis, necking ring and bell, between heights 0 and `height`.
 fn column_profile(height: f32, width: f32) -> Vec<Vec2> {
     let mut profile = vec![Vec2::ZERO];
-    let mut torus = |profile: &mut Vec<Vec2>, radius: f32, low: f32, thickness: f32| {
+    let torus = |profile: &mut Vec<Vec2>, radius: f32, low: f32, thickness: f32| {
         for step in 0..=4 {
             let (sin, cos) = (std::f64::consts::PI * (f64::from(step) / 4.0 - 0.5)).sin_cos();
             let half = thickness / 2.0;

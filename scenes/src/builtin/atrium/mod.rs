@@ -1,7 +1,8 @@
-//! A two-storey court with arcades on all sides, open to the sky, 24 x 14.4 x 12 m: stone with real thickness, cloth that
-//! is lit from both sides, plants with alpha masks.
+//! A two-storey court with arcades on all sides, open to the sky, 24 x 14.4 x 12 m: stone with real thickness, cloth
+//! that is lit from both sides, plants with alpha masks.
 //!
-//! Every solid part is closed and reaches a little into its neighbors, so that no two faces are coplanar.
+//! Every solid part is closed and reaches a little into its neighbors: no light passes between them, and no visible
+//! face coincides with another one.
 
 mod furnishing;
 mod masonry;
@@ -51,8 +52,8 @@ pub(super) fn build() -> Scene {
             range: None,
         }],
         cameras: vec![
-            camera("court", Vec3::new(-7.2, 1.7, 1.9), Vec3::new(3.0, 3.1, -0.9), 62.0),
-            camera("gallery", Vec3::new(-10.4, 7.8, -1.3), Vec3::new(0.0, 5.6, 0.6), 62.0),
+            camera("court", Vec3::new(-7.7, 1.7, 0.25), Vec3::new(3.0, 3.6, -0.5), 66.0),
+            camera("gallery", Vec3::new(-9.6, 7.9, 0.2), Vec3::new(0.0, 5.4, -0.1), 66.0),
         ],
         ..Scene::default()
     }
@@ -86,6 +87,12 @@ fn noise(seed: u32) -> f32 {
     (((word >> 22) ^ word) >> 8) as f32 / (1 << 24) as f32
 }
 
+/// Sine and cosine, rounded from f64 so that the scene is bit-equal on machines whose f32 functions differ.
+fn sin_cos(angle: f32) -> (f32, f32) {
+    let (sin, cos) = f64::from(angle).sin_cos();
+    (sin as f32, cos as f32)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,8 +100,7 @@ mod tests {
     #[test]
     fn the_court_is_large_enough_and_has_few_meshes() {
         let scene = build();
-        assert!((50_000..120_000).contains(&scene.face_count()), "{} triangles", scene.face_count());
-        assert!(scene.meshes.len() < 20);
+        assert_eq!((scene.face_count(), scene.meshes.len()), (86_168, 16), "as the README says");
         let (low, high) = scene.bounds().unwrap();
         assert_eq!((low, high), (Vec3::new(-12.0, -0.3, -7.2), Vec3::new(12.0, 12.0, 7.2)));
     }

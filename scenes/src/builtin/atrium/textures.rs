@@ -24,7 +24,7 @@ pub(super) fn checker() -> Image {
     draw("checker", 64, |at| {
         let cell = (at * 2.0).floor();
         let inside = (at * 2.0 - cell) * 32.0;
-        let light = (cell.x + cell.y) as u32 % 2 == 0;
+        let light = ((cell.x + cell.y) as u32).is_multiple_of(2);
         let grain = noise((at.x * 64.0) as u32 * 499 + (at.y * 64.0) as u32 * 7 + 2_000_000);
         let color = if light { Vec3::new(205.0, 190.0, 170.0) } else { Vec3::new(148.0, 84.0, 62.0) };
         let color = color * (0.94 + 0.06 * grain);
