@@ -87,7 +87,7 @@ pub enum BakeError {
         remedy: String,
     },
     /// The baked file's quality is below the limit that the options set.
-    #[error("{measure} is {measured}, allowed is {allowed}")]
+    #[error("{measure} is {measured:.4}, allowed is {allowed:.4}")]
     Quality {
         /// Name of the figure.
         measure: &'static str,

@@ -228,7 +228,8 @@ impl BakeReport {
     /// The copy for the baked file: the same for the same input and options on any machine and thread count, so without
     /// times, memory, threads and the size of the file it is part of.
     pub fn to_embedded_json(&self) -> String {
-        let mut value = serde_json::to_value(self).unwrap_or_default();
+        // By way of the text, in which f32 values keep their short form.
+        let mut value: Value = serde_json::from_str(&self.to_json()).unwrap_or_default();
         if let Some(fields) = value.as_object_mut() {
             for name in ["stages", "seconds", "peak_rss_bytes", "threads"] {
                 fields.shift_remove(name);
@@ -285,6 +286,7 @@ mod tests {
         let bytes = Bytes { file: 7, ..first.bytes };
         let second = BakeReport { seconds: 2.0, threads: 8, peak_rss_bytes: 6, stages, bytes, ..first.clone() };
         assert_eq!(first.to_embedded_json(), second.to_embedded_json());
+        assert!(first.to_embedded_json().contains("\"threshold\":0.005,"));
         let other = BakeReport { receivers: 10, ..first.clone() };
         assert_ne!(first.to_embedded_json(), other.to_embedded_json());
     }

@@ -1,14 +1,14 @@
 //! Pictures of a lit scene: what to look at before reading numbers.
 //!
-//! [`render`] casts rays from a camera; [`Surfaces::radiance`] shades a hit with textured albedo, direct light traced by
-//! the caller and indirect irradiance read from the receiver map; [`Picture::develop`] makes an sRGB image of it.
+//! [`render`] casts rays from a camera; [`Surfaces::radiance`] shades a hit with textured albedo, direct light
+//! that the caller traces and indirect irradiance read from the receiver map; [`Picture::develop`] makes an sRGB image of it.
 
 mod camera;
 mod surfaces;
 mod tone;
 
 pub use camera::default_camera;
-pub use surfaces::{Albedo, IrradianceMap, Surfaces};
+pub use surfaces::Surfaces;
 pub use tone::{Exposure, WHITE, tone_curve};
 
 use crate::progress::{Cancelled, Progress};

@@ -1,0 +1,289 @@
+//! The command line: subcommands, flags, help. The only place that names clap, together with [`bake_flags`].
+
+mod bake_flags;
+
+pub use bake_flags::{BakeFlags, PresetName};
+
+use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use localprt_precompute::settings::BakeSettings;
+use std::path::PathBuf;
+
+const EXAMPLE: &str = "\
+Bake a scene once, then light it as often as you like:
+
+  precompute bake hall.glb -o hall.lprt
+  precompute relight hall.lprt --lights evening.json --picture evening.png
+
+No scene at hand? `precompute demo` shows everything on the Cornell box.";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0 done                      5 unsupported feature or adapter
+  1 internal failure          6 I/O: missing file, permissions, disk full
+  2 bad usage                 7 a quality gate failed
+  3 invalid input           130 interrupted
+  4 incomplete
+
+Data goes to standard output, messages and progress to standard error.";
+
+const BAKE_EXAMPLE: &str = "\
+Examples:
+  precompute bake hall.glb -o hall.lprt --preset preview
+  precompute bake builtin:cornell -o cornell.lprt --report cornell.json
+  precompute bake --preset medium --print-config > bake.toml";
+
+const RELIGHT_EXAMPLE: &str = "\
+Examples:
+  precompute relight hall.lprt --picture hall.png
+  precompute relight hall.lprt --lights evening.json --bounces 4 -o evening.exr --receivers evening.ply";
+
+/// Precomputed light transport: bake a scene once, relight it in real time.
+#[derive(Debug, Parser)]
+#[command(name = "precompute", version, before_help = EXAMPLE, after_help = EXIT_CODES)]
+#[command(arg_required_else_help = true, subcommand_required = true, max_term_width = 120)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Flags of every subcommand.
+    #[command(flatten)]
+    pub global: Global,
+}
+
+/// Flags of every subcommand.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Messages and machine")]
+pub struct Global {
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more about each stage
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Threads to use; the results do not depend on it [default: one per core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// Subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Bake a scene into a .lprt file
+    #[command(before_help = BAKE_EXAMPLE)]
+    Bake(Box<Bake>),
+    /// Light a baked scene: maps, point clouds, pictures
+    #[command(before_help = RELIGHT_EXAMPLE)]
+    Relight(Box<Relight>),
+    /// Say what is inside a baked file
+    Info(Info),
+    /// Verify every checksum and every invariant of a baked file
+    Check(Check),
+    /// Write a built-in scene as .glb
+    Scene(Scene),
+    /// Bake and relight the Cornell box, and say where the pictures are
+    Demo(Demo),
+}
+
+/// `precompute bake`
+#[derive(Debug, Args)]
+pub struct Bake {
+    /// Scene: .gltf, .glb or builtin:NAME
+    #[arg(value_name = "SCENE", required_unless_present = "print_config")]
+    pub scene: Option<String>,
+    /// Baked file to write; OUT.glb is written beside it if the scene had to be unwrapped
+    #[arg(short, long, value_name = "OUT.lprt", required_unless_present = "print_config")]
+    pub output: Option<PathBuf>,
+    /// Also write what was made, how good it is and what it cost, as JSON (`-` is standard output)
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+    /// Read options from a TOML file; its keys are the flags below with underscores
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
+    /// Options to start from: --config and flags overrule them
+    #[arg(long, value_enum, default_value_t)]
+    pub preset: PresetName,
+    /// Print the options in force as TOML for --config, and stop
+    #[arg(long)]
+    pub print_config: bool,
+    /// Options of the bake.
+    #[command(flatten)]
+    pub flags: BakeFlags,
+}
+
+/// `precompute relight`
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("outputs").required(true).multiple(true))]
+pub struct Relight {
+    /// Baked file
+    #[arg(value_name = "FILE.lprt")]
+    pub file: PathBuf,
+    /// Scene with the lightmap coordinates [default: the one named in the baked file]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Lighting file [default: the scene's own lights, black sky]
+    #[arg(long, value_name = "L.json")]
+    pub lights: Option<PathBuf>,
+    /// Gathers: 1 is the first indirect bounce
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub bounces: u32,
+    /// What computes
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: Backend,
+    /// How direct light finds its shadows
+    #[arg(long, value_enum, default_value_t)]
+    pub direct: Direct,
+    /// Indirect irradiance in lightmap coordinates, linear; row 0 is at v = 0
+    #[arg(short, long, value_name = "LIGHTMAP.exr", group = "outputs")]
+    pub output: Option<PathBuf>,
+    /// Write 16-bit instead of 32-bit floats into the .exr
+    #[arg(long, requires = "output")]
+    pub half: bool,
+    /// Every valid receiver with its indirect irradiance, as binary PLY
+    #[arg(long, value_name = "OUT.ply", group = "outputs")]
+    pub receivers: Option<PathBuf>,
+    /// Figures of this lighting state, as JSON (`-` is standard output)
+    #[arg(long, value_name = "OUT.json", group = "outputs")]
+    pub json: Option<PathBuf>,
+    /// A picture of the lit scene
+    #[arg(long, value_name = "OUT.png", group = "outputs")]
+    pub picture: Option<PathBuf>,
+    /// Look of the picture.
+    #[command(flatten)]
+    pub view: View,
+}
+
+/// How a picture is taken.
+#[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = "Picture")]
+pub struct View {
+    /// Camera of the scene, from 0 [default: the first; without any, one that shows the whole scene]
+    #[arg(long, value_name = "N", requires = "picture")]
+    pub camera: Option<usize>,
+    /// Pixels [default: 960 wide, in the camera's shape]
+    #[arg(long, value_name = "WxH", requires = "picture", value_parser = parse_size)]
+    pub size: Option<(u32, u32)>,
+    /// Brightness: radiance times 2^EV [default: from the picture]
+    #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true, value_parser = parse_exposure)]
+    pub exposure: Option<f32>,
+    /// Show light alone: every surface as if it had this albedo
+    #[arg(long, value_name = "ALBEDO", requires = "picture", num_args = 0..=1, default_missing_value = "0.5",
+          value_parser = parse_share)]
+    pub grey: Option<f32>,
+}
+
+/// What computes a lighting state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// The reference, on all cores
+    #[default]
+    Cpu,
+    /// wgpu
+    Gpu,
+}
+
+/// How direct light finds its shadows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Direct {
+    /// Exact, by rays
+    #[default]
+    Traced,
+    /// As real-time renderers do; needs --backend gpu
+    ShadowMap,
+}
+
+/// `precompute info`
+#[derive(Debug, Args)]
+pub struct Info {
+    /// Baked file
+    #[arg(value_name = "FILE.lprt")]
+    pub file: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `precompute check`
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Baked file
+    #[arg(value_name = "FILE.lprt")]
+    pub file: PathBuf,
+}
+
+/// `precompute scene`
+#[derive(Debug, Args)]
+pub struct Scene {
+    /// Name of a built-in scene, such as cornell
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// File to write
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+}
+
+/// `precompute demo`
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Folder to write into; made if missing
+    #[arg(short, long, value_name = "DIR", default_value = "localprt-demo")]
+    pub output: PathBuf,
+}
+
+impl Cli {
+    /// Reads the command line.
+    ///
+    /// # Errors
+    /// [`Refused`]: help and version as well as mistakes.
+    pub fn read() -> Result<Self, Refused> {
+        let defaults = toml::Table::try_from(BakeSettings::default()).unwrap_or_default();
+        let command = Self::command().mut_subcommand("bake", |bake| bake_flags::with_defaults(bake, &defaults));
+        let matches = command.try_get_matches().map_err(Refused)?;
+        Self::from_arg_matches(&matches).map_err(Refused)
+    }
+}
+
+/// A command line that is not run: help, version, or a mistake.
+pub struct Refused(clap::Error);
+
+impl Refused {
+    /// Prints help to standard output and mistakes to standard error; whether it was a mistake.
+    pub fn print(&self) -> bool {
+        // A reader that has gone away has read enough.
+        let _ = self.0.print();
+        self.0.use_stderr()
+    }
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
+    let size = text.split_once(['x', 'X']).and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    size.ok_or_else(|| "expected two numbers from 1 to 16384, such as 1280x720".into())
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| (-60.0..=60.0).contains(value));
+    value.ok_or_else(|| "expected a number from -60 to 60".into())
+}
+
+fn parse_share(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| (0.0..=1.0).contains(value));
+    value.ok_or_else(|| "expected a number from 0 to 1".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        assert_eq!(parse_size("640x480"), Ok((640, 480)));
+        for text in ["640", "0x480", "640x", "axb", "99999x1"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! One flag per option of a bake.
+
+use clap::{Args, ValueEnum};
+use localprt_precompute::settings::{Preset, UnwrapBackend};
+use serde::Serialize;
+use toml::{Table, Value};
+
+/// Options of a bake as given on the command line; field names are the keys of a configuration file.
+#[derive(Debug, Default, Args, Serialize)]
+pub struct BakeFlags {
+    /// Probe spacing in metres [default: from the scene box, for about 150 probes]
+    #[arg(long, value_name = "M", help_heading = "Probes", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    spacing: Option<f32>,
+    /// Number of probes [default: from the spacing]
+    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    probes: Option<u32>,
+    /// Voxel size in metres [default: spacing / 6, capped by memory]
+    #[arg(long, value_name = "M", help_heading = "Probes", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    voxel: Option<f32>,
+    /// A point in the space to light, metres; may be given several times [default: found by rays]
+    #[arg(long, value_name = "X,Y,Z", help_heading = "Probes", value_parser = point, allow_hyphen_values = true)]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    interior: Vec<[f32; 3]>,
+    /// Mean number of probes that support a receiver
+    #[arg(long, value_name = "N", help_heading = "Probes", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    overlap: Option<f32>,
+    /// Least number of probes that support a receiver
+    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min_overlap: Option<u32>,
+    /// Probes that may be added where coverage is poor, as a share of their number
+    #[arg(long, value_name = "SHARE", help_heading = "Probes", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repair: Option<f32>,
+    /// SH degree of the probes: l means (l+1)^2 functions
+    #[arg(long, value_name = "L", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    probe_degree: Option<u32>,
+    /// Relight rays per probe
+    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relight_rays: Option<u32>,
+
+    /// Receiver map: texels per side
+    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", conflicts_with = "texel", value_parser = whole,
+          allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lightmap: Option<u32>,
+    /// Receiver map by metres per texel instead of its size
+    #[arg(long, value_name = "M", help_heading = "Receivers", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    texel: Option<f32>,
+    /// Direct light map: texels per side
+    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    direct_map: Option<u32>,
+    /// SH degree of the receivers: 0 irradiance, 1 for normal maps
+    #[arg(long, value_name = "L", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    receiver_degree: Option<u32>,
+    /// SH degree of the sky
+    #[arg(long, value_name = "L", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sky_degree: Option<u32>,
+    /// Gather rays per receiver
+    #[arg(long, value_name = "N", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gather_rays: Option<u32>,
+    /// Who makes lightmap coordinates where the scene has no usable TEXCOORD_1
+    #[arg(long, value_enum, help_heading = "Receivers")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unwrap: Option<UnwrapName>,
+
+    /// A leaf holds fewer receivers than this
+    #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    leaf: Option<u32>,
+    /// Largest RMS error of a transport row by cluster
+    #[arg(long, value_name = "RMS", help_heading = "Compression", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    threshold: Option<f32>,
+    /// Most coefficients of a cluster
+    #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coefficients: Option<u32>,
+
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", help_heading = "Reproduction and quality", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    /// Fail with exit code 7 if the mean unseen share of the receivers exceeds this [default: no limit]
+    #[arg(long, value_name = "SHARE", help_heading = "Reproduction and quality", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_unseen: Option<f32>,
+}
+
+impl BakeFlags {
+    /// The given ones by key.
+    pub fn to_table(&self) -> Table {
+        Table::try_from(self).unwrap_or_default()
+    }
+}
+
+/// `--preset`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum PresetName {
+    /// A tenth of the cost, for a first look
+    Preview,
+    /// A quarter of the cost
+    Medium,
+    /// The defaults
+    #[default]
+    Production,
+}
+
+impl From<PresetName> for Preset {
+    fn from(name: PresetName) -> Self {
+        match name {
+            PresetName::Preview => Self::Preview,
+            PresetName::Medium => Self::Medium,
+            PresetName::Production => Self::Production,
+        }
+    }
+}
+
+/// `--unwrap`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum UnwrapName {
+    /// Pure Rust, same result everywhere
+    Uvunwrap,
+    /// In a process of its own; if this build has it
+    Xatlas,
+}
+
+impl Serialize for UnwrapName {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Uvunwrap => UnwrapBackend::Uvunwrap,
+            Self::Xatlas => UnwrapBackend::Xatlas,
+        }
+        .serialize(serializer)
+    }
+}
+
+/// Shows the default of every flag that has one, as the settings have it.
+pub fn with_defaults(command: clap::Command, defaults: &Table) -> clap::Command {
+    command.mut_args(|flag| {
+        let Some(value) = defaults.get(flag.get_id().as_str()) else { return flag };
+        let value = match value {
+            Value::String(text) => text.clone(),
+            // Settings are f32: no more digits than those.
+            Value::Float(wide) => (*wide as f32).to_string(),
+            value => value.to_string(),
+        };
+        let help = flag.get_help().map(ToString::to_string).unwrap_or_default();
+        flag.help(format!("{help} [default: {value}]"))
+    })
+}
+
+fn whole(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| "expected a whole number, such as 512".into())
+}
+
+fn point(text: &str) -> Result<[f32; 3], String> {
+    let coordinates: Vec<f32> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
+    let point = <[f32; 3]>::try_from(coordinates).ok().filter(|_| text.split(',').count() == 3);
+    point.ok_or_else(|| "expected three numbers in metres, such as 0,1.5,-2".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::FromArgMatches;
+    use localprt_precompute::settings::BakeSettings;
+
+    fn read(words: &[&str]) -> Table {
+        let command = BakeFlags::augment_args(clap::Command::new("bake").no_binary_name(true));
+        let matches = command.try_get_matches_from(words).expect("valid flags");
+        BakeFlags::from_arg_matches(&matches).expect("valid flags").to_table()
+    }
+
+    #[test]
+    fn every_option_has_a_flag_of_its_name() {
+        let command = BakeFlags::augment_args(clap::Command::new("bake"));
+        let options = serde_json::to_value(BakeSettings {
+            spacing: Some(1.0),
+            probes: Some(1),
+            voxel: Some(1.0),
+            interior: vec![[0.0; 3]],
+            texel: Some(1.0),
+            max_unseen: Some(1.0),
+            ..BakeSettings::default()
+        });
+        let options = options.expect("plain data");
+        let mut keys: Vec<&str> = options.as_object().expect("a struct").keys().map(String::as_str).collect();
+        let mut flags: Vec<&str> = command.get_arguments().map(|flag| flag.get_id().as_str()).collect();
+        keys.sort_unstable();
+        flags.sort_unstable();
+        assert_eq!(flags, keys);
+        for flag in command.get_arguments() {
+            assert_eq!(flag.get_long(), Some(flag.get_id().as_str().replace('_', "-").as_str()));
+        }
+    }
+
+    #[test]
+    fn given_flags_reach_the_settings_and_no_others() {
+        assert!(read(&[]).is_empty());
+        let words = ["--interior", "-1,2,0.5", "--interior=0,0,0", "--unwrap", "xatlas", "--threshold", "0.01"];
+        let flags = read(&words);
+        assert_eq!(flags.len(), 3);
+        let settings = BakeSettings::resolve(Preset::Production, None, &flags).expect("valid");
+        assert_eq!(settings.interior, [[-1.0, 2.0, 0.5], [0.0; 3]]);
+        assert_eq!((settings.unwrap, settings.threshold), (UnwrapBackend::Xatlas, 0.01));
+    }
+
+    #[test]
+    fn points_are_three_numbers() {
+        assert_eq!(point("1, 2,3"), Ok([1.0, 2.0, 3.0]));
+        for text in ["1,2", "1,2,3,4", "1,2,x", "", "1,2,3,"] {
+            assert!(point(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! `precompute relight`: a baked file and a lighting state in; maps, points, pictures and figures out.
+
+use super::{check_output, inputs, to_json, write_text};
+use crate::cli::{Backend, Direct, Relight, View};
+use glam::Vec3;
+use localprt_formats::BakedView;
+use localprt_precompute::error::{BakeError, CommandError, Exit};
+use localprt_precompute::lightmap::Atlas;
+use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
+use localprt_precompute::picture::{self, Exposure, Picture, PictureSize, Surfaces};
+use localprt_precompute::progress::Progress;
+use localprt_precompute::rays::{RayCaster, SurfaceHit};
+use localprt_precompute::relight::{direct_irradiance, sky_inputs, surface_texels};
+use localprt_precompute::report::StageTime;
+use localprt_runtime::{CpuRelighter, RelightError, RelightInputs, Relit};
+use localprt_scenes::{Camera, Lighting, Scene};
+use serde::Serialize;
+use std::path::Path;
+use std::time::Instant;
+
+/// Runs the subcommand.
+pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
+    supported(command)?;
+    for path in [&command.output, &command.receivers, &command.json, &command.picture] {
+        check_output(path.as_deref())?;
+    }
+    let started = Instant::now();
+    let baked = inputs::baked(&command.file)?;
+    let view = baked.view();
+    let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
+    let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
+    let caster = caster(&scene)?;
+    let relit = light(view, &caster, &lighting, command.bounces, progress)?;
+
+    if let Some(path) = &command.output {
+        write_lightmap(path, &relit, command.half)?;
+    }
+    if let Some(path) = &command.receivers {
+        output::write_ply(path, &vertices(&view, &relit))?;
+    }
+    let mut exposure = None;
+    if let Some(path) = &command.picture {
+        let picture = take_picture(&caster, &lighting, &relit, &command.view, progress)?;
+        let look = command.view.exposure.map_or(Exposure::Auto, Exposure::Ev);
+        exposure = Some(write_picture(path, &picture, look)?);
+    }
+    if let Some(path) = &command.json {
+        let figures = figures(command, &lighting, &relit, exposure, progress.stages(), started);
+        write_text(path, &to_json(&figures))?;
+    }
+    let written = [&command.output, &command.receivers, &command.picture, &command.json];
+    for path in written.into_iter().flatten().filter(|path| path.as_path() != Path::new("-")) {
+        progress.note(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+fn supported(command: &Relight) -> Result<(), CommandError> {
+    let what = match (command.backend, command.direct) {
+        (Backend::Cpu, Direct::Traced) => return Ok(()),
+        (Backend::Gpu, _) => "this build has no GPU backend",
+        (Backend::Cpu, Direct::ShadowMap) => "shadow maps need the GPU backend, and this build has none",
+    };
+    Err(CommandError::new(Exit::Unsupported, what)
+        .help("leave --backend and --direct out: the CPU does the same, exactly"))
+}
+
+/// Rays against a scene.
+pub fn caster(scene: &Scene) -> Result<RayCaster<'_>, CommandError> {
+    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).with_remedy())
+}
+
+/// Indirect light after so many gathers. The caster's scene carries the file's lightmap coordinates.
+pub fn light(
+    view: BakedView<'_>,
+    caster: &RayCaster<'_>,
+    lighting: &Lighting,
+    bounces: u32,
+    progress: &Progress,
+) -> Result<Relit, CommandError> {
+    // Scene and file fit each other, or the hash would differ; what is left is a scene that defeats the arithmetic.
+    let refused = |error: RelightError| {
+        CommandError::of(Exit::InvalidInput, &error).help("check the lighting, and bake the scene again")
+    };
+    let stage = progress.stage("direct light", 0);
+    let atlas = Atlas::of(caster.scene());
+    let surface = surface_texels(caster, &atlas, lighting, view.metadata.direct_size);
+    let sky = sky_inputs(&lighting.sky, &view);
+    drop(stage);
+    progress.check()?;
+    let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
+    let stage = progress.stage("bounces", bounces.into());
+    let mut relighter = CpuRelighter::new(view).map_err(refused)?;
+    for _ in 0..bounces {
+        progress.check()?;
+        relighter.step(&inputs).map_err(refused)?;
+        stage.inc(1);
+    }
+    Ok(relighter.relit().clone())
+}
+
+/// The indirect irradiance as an image, row 0 at v = 0; black where no receiver is.
+pub fn write_lightmap(path: &Path, relit: &Relit, half: bool) -> Result<(), CommandError> {
+    let map = &relit.irradiance_map;
+    let side = map.size() as usize;
+    let pixels: Vec<Vec3> = (0..side * side).map(|texel| map.color(texel)).collect();
+    let precision = if half { ExrPrecision::Half } else { ExrPrecision::Full };
+    Ok(output::write_exr(path, side, side, &pixels, precision)?)
+}
+
+fn vertices(view: &BakedView<'_>, relit: &Relit) -> Vec<ReceiverVertex> {
+    let mut vertices = Vec::with_capacity(view.receiver_position.len());
+    for (cluster, record) in view.clusters.iter().enumerate() {
+        let first = record.first_receiver as usize;
+        for receiver in first..first + record.n_receivers as usize {
+            vertices.push(ReceiverVertex {
+                position: view.receiver_position[receiver],
+                normal: view.receiver_normal[receiver],
+                irradiance: relit.irradiance[receiver].to_array(),
+                unseen: view.receiver_unseen[receiver],
+                cluster: cluster as u32,
+            });
+        }
+    }
+    vertices
+}
+
+/// The scene as a camera sees it under this light.
+pub fn take_picture(
+    caster: &RayCaster<'_>,
+    lighting: &Lighting,
+    relit: &Relit,
+    view: &View,
+    progress: &Progress,
+) -> Result<Picture, CommandError> {
+    let camera = camera(caster, view.camera)?;
+    let mut size = PictureSize::of_camera(&camera);
+    if let Some((width, height)) = view.size {
+        size = PictureSize { width, height, ..size };
+    }
+    let surfaces = Surfaces::new(caster.scene(), lighting, view.grey);
+    let radiance = |hit: &SurfaceHit| {
+        surfaces.radiance(
+            hit,
+            |position, normal| direct_irradiance(caster, &lighting.lights, position, normal, hit.normal),
+            |uv| relit.irradiance_map.sample(uv).unwrap_or(Vec3::ZERO),
+        )
+    };
+    Ok(picture::render(caster, &camera, size, progress, radiance, |dir| lighting.sky.radiance(dir))?)
+}
+
+fn camera(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Camera, CommandError> {
+    let cameras = &caster.scene().cameras;
+    match (number, cameras.first()) {
+        (None, Some(first)) => Ok(first.clone()),
+        (None, None) => picture::default_camera(caster).ok_or_else(|| {
+            BakeError::Scene {
+                what: "there is nothing to take a picture of: the scene has no triangles".into(),
+                place: None,
+                remedy: "leave --picture out".into(),
+            }
+            .into()
+        }),
+        (Some(number), _) => cameras.get(number).cloned().ok_or_else(|| {
+            let help = match cameras.len() {
+                0 => "leave --camera out for a view of the whole scene".into(),
+                count => format!("give a number from 0 to {}", count - 1),
+            };
+            CommandError::new(Exit::Usage, format!("the scene has no camera {number}")).help(help)
+        }),
+    }
+}
+
+/// Writes a picture and returns the exposure value it was developed with.
+pub fn write_picture(path: &Path, picture: &Picture, exposure: Exposure) -> Result<f32, CommandError> {
+    let ev = exposure.ev(&picture.pixels);
+    output::write_png(path, picture.width, picture.height, &picture.develop(Exposure::Ev(ev)))?;
+    Ok(ev)
+}
+
+/// `relight --json`
+#[derive(Serialize)]
+struct Figures {
+    file: String,
+    lights: usize,
+    bounces: u32,
+    backend: &'static str,
+    receivers: usize,
+    /// Indirect irradiance over receivers, linear RGB, W/m^2.
+    irradiance: Irradiance,
+    /// Of the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exposure: Option<f32>,
+    stages: Vec<StageTime>,
+    seconds: f64,
+}
+
+#[derive(Serialize)]
+struct Irradiance {
+    mean: [f64; 3],
+    max: [f32; 3],
+}
+
+fn figures(
+    command: &Relight,
+    lighting: &Lighting,
+    relit: &Relit,
+    exposure: Option<f32>,
+    stages: Vec<StageTime>,
+    started: Instant,
+) -> Figures {
+    let sum = relit.irradiance.iter().fold(glam::DVec3::ZERO, |sum, value| sum + value.as_dvec3());
+    let mean = sum / relit.irradiance.len().max(1) as f64;
+    let max = relit.irradiance.iter().fold(Vec3::ZERO, |max, value| max.max(*value));
+    Figures {
+        file: command.file.display().to_string(),
+        lights: lighting.lights.len(),
+        bounces: command.bounces,
+        backend: "cpu",
+        receivers: relit.irradiance.len(),
+        irradiance: Irradiance { mean: mean.to_array(), max: max.to_array() },
+        exposure,
+        stages,
+        seconds: started.elapsed().as_secs_f64(),
+    }
+}

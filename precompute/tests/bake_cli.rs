@@ -1,0 +1,175 @@
+//! The command from outside with real, small bakes: files, streams, determinism, interruption.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+/// Seconds at most on a slow machine; what is tested here does not depend on quality.
+const SMALL: [&str; 12] = [
+    "--lightmap",
+    "32",
+    "--direct-map",
+    "64",
+    "--gather-rays",
+    "16",
+    "--relight-rays",
+    "128",
+    "--probe-degree",
+    "2",
+    "--spacing",
+    "0.7",
+];
+
+fn command(arguments: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_precompute"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null()).env("NO_COLOR", "1");
+    command
+}
+
+fn run(arguments: &[&str], folder: &Path) -> Output {
+    command(arguments, folder).output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).expect("UTF-8")
+}
+
+#[track_caller]
+fn assert_exit(output: &Output, expected: i32) {
+    assert_eq!(output.status.code(), Some(expected), "{}", text(&output.stderr));
+    assert!(!text(&output.stderr).contains("panicked"), "{}", text(&output.stderr));
+}
+
+/// Bakes the Cornell box into `a.lprt`.
+#[track_caller]
+fn bake(folder: &Path, more: &[&str]) -> Output {
+    let output = run(&[&["bake", "builtin:cornell", "-o", "a.lprt"], &SMALL[..], more].concat(), folder);
+    assert_exit(&output, 0);
+    output
+}
+
+fn json(bytes: &[u8]) -> Value {
+    serde_json::from_slice(bytes).expect("JSON")
+}
+
+#[test]
+fn a_scene_becomes_a_file_and_the_file_becomes_pictures() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    let baked = bake(folder, &["--report", "-"]);
+    let report = json(&baked.stdout);
+    assert!(text(&baked.stderr).contains("wrote a.lprt"));
+    let receivers = report["receivers"].as_u64().expect("a count");
+    assert!(receivers > 0 && report["probes"].as_u64() > Some(0) && report["clusters"].as_u64() > Some(0));
+    assert_eq!(report["options"]["gather_rays"], 16);
+    assert!(report["scene"]["hash"].as_str().is_some_and(|hash| hash.len() == 64));
+    let file_bytes = std::fs::metadata(folder.join("a.lprt")).expect("a file").len();
+    assert_eq!(report["bytes"]["file"], file_bytes);
+    assert!(folder.join("a.glb").exists());
+
+    let checked = run(&["check", "a.lprt"], folder);
+    assert_exit(&checked, 0);
+    assert_eq!(text(&checked.stdout), "OK\n");
+    let info = run(&["info", "a.lprt", "--json"], folder);
+    assert_exit(&info, 0);
+    let info = json(&info.stdout);
+    for key in ["receivers", "probes", "clusters", "radius", "coefficients_per_receiver", "probes_per_cluster"] {
+        assert_eq!(info[key], report[key], "{key}");
+    }
+    assert_eq!(info["scene"]["path"], "a.glb");
+    assert_eq!(info["options"], report["options"]);
+    assert!(info["report"].get("seconds").is_none() && info["report"]["receivers"] == receivers);
+    assert_exit(&run(&["info", "a.lprt"], folder), 0);
+
+    let arguments = ["relight", "a.lprt", "-q", "-o", "a.exr", "--receivers", "a.ply", "--json", "a.json"];
+    let relit = run(&[&arguments[..], &["--picture", "a.png", "--size", "32x24"]].concat(), folder);
+    assert_exit(&relit, 0);
+    assert_eq!((text(&relit.stdout), text(&relit.stderr)), ("", ""), "quiet");
+    let ply = std::fs::read(folder.join("a.ply")).expect("a file");
+    let header = String::from_utf8_lossy(&ply[..400]);
+    assert!(header.contains(&format!("element vertex {receivers}\n")), "{header}");
+    let figures = json(&std::fs::read(folder.join("a.json")).expect("a file"));
+    assert!(figures["irradiance"]["mean"][0].as_f64() > Some(0.0), "light reaches the receivers");
+    assert_eq!(&std::fs::read(folder.join("a.png")).expect("a file")[1..4], b"PNG");
+    assert_eq!(std::fs::read(folder.join("a.exr")).expect("a file")[..4], [0x76, 0x2f, 0x31, 0x01]);
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let folders = [tempfile::tempdir().expect("folder"), tempfile::tempdir().expect("folder")];
+    let files = [(&folders[0], "1"), (&folders[1], "3")].map(|(folder, threads)| {
+        bake(folder.path(), &["--threads", threads]);
+        let relit = run(&["--threads", threads, "relight", "a.lprt", "--receivers", "a.ply"], folder.path());
+        assert_exit(&relit, 0);
+        ["a.lprt", "a.glb", "a.ply"].map(|name| std::fs::read(folder.path().join(name)).expect("a file"))
+    });
+    assert!(files[0] == files[1]);
+}
+
+#[test]
+fn a_baked_file_insists_on_its_scene() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    bake(folder, &["-q"]);
+    std::fs::rename(folder.join("a.glb"), folder.join("moved.glb")).expect("renamed");
+    let missing = run(&["relight", "a.lprt", "--json", "-"], folder);
+    assert_exit(&missing, 6);
+    assert!(text(&missing.stderr).contains("a.glb") && text(&missing.stderr).contains("--scene"));
+    assert_exit(&run(&["relight", "a.lprt", "--json", "-", "--scene", "moved.glb"], folder), 0);
+    assert_exit(&run(&["scene", "furnace", "-o", "a.glb"], folder), 0);
+    let other = run(&["relight", "a.lprt", "--json", "-"], folder);
+    assert_exit(&other, 3);
+    assert!(text(&other.stderr).contains("hash"), "{}", text(&other.stderr));
+}
+
+#[test]
+fn lighting_files_are_obeyed_or_refused_by_place() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    bake(folder, &["-q"]);
+    let mean = |lights: &str| {
+        std::fs::write(folder.join("l.json"), lights).expect("written");
+        let output = run(&["relight", "a.lprt", "-q", "--json", "-", "--lights", "l.json"], folder);
+        assert_exit(&output, 0);
+        json(&output.stdout)["irradiance"]["mean"][1].as_f64().expect("a number")
+    };
+    assert_eq!(mean(r#"{"lights": []}"#), 0.0, "no light, no irradiance");
+    assert!(mean(r#"{"sky": {"type": "constant", "radiance": [1, 1, 1]}, "lights": []}"#) > 0.0);
+    std::fs::write(folder.join("l.json"), r#"{"ligths": []}"#).expect("written");
+    let output = run(&["relight", "a.lprt", "--json", "-", "--lights", "l.json"], folder);
+    assert_exit(&output, 3);
+    assert!(text(&output.stderr).contains("l.json") && text(&output.stderr).contains("ligths"));
+    assert_exit(&run(&["relight", "a.lprt", "--json", "-", "--lights", "none.json"], folder), 6);
+}
+
+#[test]
+fn a_failed_quality_gate_leaves_an_older_file_as_it_is() {
+    let folder = tempfile::tempdir().expect("folder");
+    std::fs::write(folder.path().join("a.lprt"), "old").expect("written");
+    let gate = ["bake", "builtin:cornell", "-o", "a.lprt", "--max-unseen", "0", "--probes", "2"];
+    let output = run(&[&gate[..], &SMALL[..10]].concat(), folder.path());
+    assert_exit(&output, 7);
+    assert!(text(&output.stderr).contains("unseen") && text(&output.stderr).contains("help: "));
+    assert_eq!(std::fs::read(folder.path().join("a.lprt")).expect("there"), b"old");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_stops_cleanly() {
+    let folder = tempfile::tempdir().expect("folder");
+    // Long enough to be interrupted anywhere.
+    let long = ["bake", "builtin:cornell", "-o", "a.lprt", "--gather-rays", "1000000"];
+    let mut child = command(&long, folder.path()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    // The first stage is announced after the handler is in place.
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().expect("piped")));
+    lines.next().expect("a line").expect("UTF-8");
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill starts");
+    assert!(killed.success());
+    let rest: Vec<String> = lines.map_while(Result::ok).collect();
+    assert_eq!(child.wait().expect("ends").code(), Some(130), "{rest:?}");
+    assert!(rest.iter().any(|line| line.starts_with("error: interrupted")), "{rest:?}");
+    assert!(!folder.path().join("a.lprt").exists());
+    let left: Vec<_> =
+        std::fs::read_dir(folder.path()).expect("list").flatten().map(|entry| entry.file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().contains(".tmp")), "{left:?}");
+}
