@@ -1,1 +1,69 @@
-//! Harness of the tests that cross crates.
+//! Harness of the tests that cross crates: small bakes of built-in scenes, relit on the CPU.
+
+use glam::Vec3;
+use localprt_precompute::{
+    lightmap::Atlas,
+    pipeline::{self, BakeOutput},
+    progress::Progress,
+    rays::RayCaster,
+    relight,
+    settings::BakeSettings,
+};
+use localprt_runtime::{CpuRelighter, RelightInputs};
+use localprt_scenes::{Lighting, Scene, builtin};
+use std::path::PathBuf;
+
+/// Settings that bake a small room in a second or two.
+pub fn small_settings() -> BakeSettings {
+    BakeSettings {
+        probes: Some(16),
+        lightmap: 48,
+        direct_map: 128,
+        gather_rays: 256,
+        relight_rays: 2000,
+        ..BakeSettings::default()
+    }
+}
+
+/// A built-in scene by name.
+pub fn scene(name: &str) -> Scene {
+    builtin::scene(name).unwrap_or_else(|| panic!("no built-in scene {name}"))
+}
+
+/// Bakes a scene; the test fails if that fails.
+pub fn bake(scene: Scene, settings: &BakeSettings) -> BakeOutput {
+    pipeline::bake(scene, settings, &Progress::silent()).unwrap_or_else(|error| panic!("bake: {error}"))
+}
+
+/// `[n_receivers]` indirect irradiance after `bounces` gathers.
+pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<Vec3> {
+    let caster = RayCaster::new(&baked.scene).expect("tree");
+    let view = baked.arrays.view();
+    let surface = relight::surface_texels(&caster, &Atlas::of(&baked.scene), lighting, view.metadata.direct_size);
+    let sky = relight::sky_inputs(&lighting.sky, &view);
+    let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
+    let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
+    relighter.relight(&inputs).expect("inputs of the right size").irradiance.clone()
+}
+
+/// Mean of the three bands over some receivers.
+pub fn mean(values: impl IntoIterator<Item = Vec3>) -> f32 {
+    let (sum, n) =
+        values.into_iter().fold((0.0f64, 0u32), |(sum, n), value| (sum + f64::from(value.element_sum()) / 3.0, n + 1));
+    assert!(n > 0, "nothing to average");
+    (sum / f64::from(n)) as f32
+}
+
+/// Folder with large scenes that are not part of the repository: `LOCALPRT_SHARED`, else `../shared` beside it.
+///
+/// `None`, with a line that says so, where it is absent.
+pub fn shared_scenes(test: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("LOCALPRT_SHARED")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
+    let scenes = root.join("scenes");
+    if scenes.is_dir() {
+        return Some(scenes);
+    }
+    eprintln!("SKIPPED {test}: no folder {} (set LOCALPRT_SHARED)", scenes.display());
+    None
+}

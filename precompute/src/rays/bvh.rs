@@ -128,19 +128,39 @@ impl Tree {
         nearest
     }
 
-    /// Whether nothing that `confirm` accepts lies strictly between 0 and `t_max`.
-    pub(super) fn is_clear(&self, origin: Vec3, dir: Vec3, t_max: f32, confirm: impl Fn(&TriangleHit) -> bool) -> bool {
+    /// A triangle that `confirm` accepts strictly between 0 and `t_max`, as a place in the tree's own order; `None` if the
+    /// way is clear.
+    ///
+    /// `hint` is such a place, tested first: neighboring rays are mostly stopped by the same triangle. Whether the way is
+    /// clear does not depend on it. Any number is allowed.
+    pub(super) fn occluder(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        hint: u32,
+        confirm: impl Fn(&TriangleHit) -> bool,
+    ) -> Option<u32> {
         if self.triangles.is_empty() {
-            return true;
+            return None;
         }
         let shear = Shear::new(origin, dir);
-        self.bvh.ray_traverse_miss(tree_ray(origin, dir, t_max), |ray, id| {
-            let triangle = &self.triangles[id];
-            match shear.intersect(triangle, ray.tmax) {
-                Some(hit) if !triangle.masked || confirm(&hit) => hit.t,
-                _ => f32::INFINITY,
+        let stops = |triangle: &StoredTriangle| {
+            shear.intersect(triangle, t_max).filter(|hit| !triangle.masked || confirm(hit)).is_some()
+        };
+        if self.triangles.get(hint as usize).is_some_and(stops) {
+            return Some(hint);
+        }
+        let mut occluder = None;
+        self.bvh.ray_traverse_miss(tree_ray(origin, dir, t_max), |_, id| {
+            if stops(&self.triangles[id]) {
+                occluder = Some(id as u32);
+                0.0
+            } else {
+                f32::INFINITY
             }
-        })
+        });
+        occluder
     }
 }
 

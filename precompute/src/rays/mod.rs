@@ -53,6 +53,16 @@ pub struct FacePoint {
     pub barycentrics: Vec3,
 }
 
+/// The triangle that stopped a visibility ray last.
+#[derive(Clone, Copy, Debug)]
+pub struct OccluderHint(u32);
+
+impl Default for OccluderHint {
+    fn default() -> Self {
+        Self(u32::MAX)
+    }
+}
+
 /// What a ray met.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceHit {
@@ -129,17 +139,28 @@ impl<'a> RayCaster<'a> {
     /// Whether the straight line between two points is free. Both should be off the surfaces they belong to by
     /// [`RayCaster::offset_m`] along the normal.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {
+        self.visible_hinted(from, to, &mut OccluderHint::default())
+    }
+
+    /// The same; faster for lines like the one that `hint` was last used for. The answer does not depend on the hint.
+    pub fn visible_hinted(&self, from: Vec3, to: Vec3, hint: &mut OccluderHint) -> bool {
         let way = to - from;
         let distance = way.length();
         if distance <= 0.0 {
             return true;
         }
-        self.tree.is_clear(from, way / distance, distance, |hit| self.is_present(hit))
+        match self.tree.occluder(from, way / distance, distance, hint.0, |hit| self.is_present(hit)) {
+            Some(occluder) => {
+                hint.0 = occluder;
+                false
+            }
+            None => true,
+        }
     }
 
     /// Whether a ray to infinity is free.
     pub fn escapes(&self, origin: Vec3, dir: Vec3) -> bool {
-        self.tree.is_clear(origin, dir, f32::INFINITY, |hit| self.is_present(hit))
+        self.tree.occluder(origin, dir, f32::INFINITY, u32::MAX, |hit| self.is_present(hit)).is_none()
     }
 
     fn surface(&self, hit: &TriangleHit) -> SurfaceHit {

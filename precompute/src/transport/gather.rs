@@ -22,7 +22,10 @@ impl GatherSet {
     pub fn new(n: u32, receiver_degree: u32, seed: u64) -> Self {
         let shift = [0, 1].map(|axis| if seed == 0 { 0.0 } else { directions::counter_uniform(seed, 0, axis) });
         let map = if receiver_degree == 0 { directions::cosine_hemisphere } else { directions::uniform_hemisphere };
-        let directions = (0..n).map(|i| Vec3::from(map(directions::fibonacci_square(i, n, shift)))).collect();
+        let mut directions: Vec<Vec3> =
+            (0..n).map(|i| Vec3::from(map(directions::fibonacci_square(i, n, shift)))).collect();
+        // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
+        directions.sort_by_cached_key(|direction| (morton(*direction), direction.z.to_bits(), direction.x.to_bits()));
         Self { directions, receiver_degree }
     }
 
@@ -63,4 +66,13 @@ impl GatherSet {
     pub fn receiver_degree(&self) -> u32 {
         self.receiver_degree
     }
+}
+
+/// Place of a direction about +Z on a Morton curve over the disc below it.
+fn morton(direction: Vec3) -> u64 {
+    let spread = |value: f32| {
+        let cell = ((value * 0.5 + 0.5) * 1023.0) as u64;
+        (0..10).fold(0, |bits, bit| bits | ((cell >> bit & 1) << (2 * bit)))
+    };
+    spread(direction.x) | (spread(direction.y) << 1)
 }

@@ -1,7 +1,7 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{RayCounts, TransportScene};
-use crate::rays::frame;
+use crate::rays::{OccluderHint, frame};
 use glam::Vec3;
 use localprt_formats::{
     sh::{self, Directions, LANES},
@@ -18,6 +18,7 @@ pub(super) struct Workspace {
     pub outputs: Vec<OutputSums>,
     weights: Vec<f32>,
     visible: Vec<(u32, Vec3)>,
+    hints: Vec<OccluderHint>,
     batches: Vec<Batch>,
     sky: Batch,
 }
@@ -85,6 +86,8 @@ pub(super) fn receiver_rows(
     }
     workspace.sky.reset(n_k, scene.sky_basis.len());
 
+    workspace.hints.clear();
+    workspace.hints.resize(support.len(), OccluderHint::default());
     let mut unseen = 0.0f64;
     let mut rays = RayCounts::default();
     for local in gather.directions() {
@@ -112,7 +115,7 @@ pub(super) fn receiver_rows(
                 continue;
             }
             rays.visibility += 1;
-            if caster.visible(seen_point, probe) {
+            if caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot]) {
                 sum += weight;
                 workspace.visible.push((slot as u32, -way.normalize()));
             }

@@ -1,0 +1,31 @@
+//! Same input, same bytes.
+
+use localprt_formats::to_bytes;
+use localprt_tests::{bake, scene, small_settings};
+
+#[test]
+fn the_same_bytes_on_one_thread_and_on_three() {
+    let bytes = |threads: usize, degree: u32| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        let settings = localprt_precompute::settings::BakeSettings {
+            receiver_degree: degree,
+            probe_degree: 4,
+            ..small_settings()
+        };
+        pool.install(|| to_bytes(&bake(scene("cornell"), &settings).arrays).expect("valid arrays"))
+    };
+    for degree in [0, 1] {
+        let one = bytes(1, degree);
+        assert!(one == bytes(3, degree), "receiver degree {degree}");
+        assert_eq!(blake3::hash(&one), blake3::hash(&bytes(1, degree)));
+    }
+}
+
+#[test]
+fn another_seed_gives_other_bytes() {
+    let of_seed = |seed| {
+        let settings = localprt_precompute::settings::BakeSettings { seed, ..small_settings() };
+        to_bytes(&bake(scene("cornell"), &settings).arrays).expect("valid arrays")
+    };
+    assert!(of_seed(0) != of_seed(1));
+}

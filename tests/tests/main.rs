@@ -1,0 +1,8 @@
+//! Tests that cross crates, as one binary.
+
+mod bounces;
+mod determinism;
+mod file_to_pixels;
+mod furnace;
+mod light_leak;
+mod sky;
