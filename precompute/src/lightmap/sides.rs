@@ -164,7 +164,7 @@ mod tests {
             // The outside of the room sees the world outside.
             assert!(is_live(&caster, &grid, 0, triangle, false));
             assert!(is_live(&caster, &grid, 1, triangle, true));
-            assert!(!is_live(&caster, &grid, 1, triangle, false));
+            assert!(!is_live(&caster, &grid, 1, triangle, false), "inside of triangle {triangle}");
         }
     }
 

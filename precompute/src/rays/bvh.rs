@@ -109,6 +109,9 @@ impl Tree {
         if self.triangles.is_empty() {
             return None;
         }
+        // Adding zero turns -0 into 0: the traversal takes a direction's sign from the comparison with 0, but the side of
+        // the box from its reciprocal, and would miss boxes.
+        let dir = dir + Vec3::ZERO;
         let shear = Shear::new(origin, dir);
         let mut nearest: Option<TriangleHit> = None;
         let mut tree_hit = RayHit::none();
@@ -133,6 +136,7 @@ impl Tree {
         if self.triangles.is_empty() {
             return true;
         }
+        let dir = dir + Vec3::ZERO;
         let shear = Shear::new(origin, dir);
         self.bvh.ray_traverse_miss(Ray::new(origin.into(), dir.into(), 0.0, t_max), |ray, id| {
             let triangle = &self.triangles[id];
