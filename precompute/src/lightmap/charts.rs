@@ -10,7 +10,7 @@ impl Atlas {
     /// coordinates, which cover nothing.
     pub fn of(scene: &Scene) -> Self {
         let mut corners = Vec::with_capacity(scene.face_count());
-        let mut parent: Vec<u32> = (0..scene.face_count() as u32).collect();
+        let mut sets = Sets::new(scene.face_count());
         let mut edges: Vec<([CornerKey; 2], u32)> = Vec::new();
         for mesh in &scene.meshes {
             let uv = mesh.lightmap_uv();
@@ -29,20 +29,20 @@ impl Atlas {
             edges.sort_unstable();
             for pair in edges.windows(2) {
                 if pair[0].0 == pair[1].0 {
-                    join(&mut parent, pair[0].1, pair[1].1);
+                    sets.join(pair[0].1, pair[1].1);
                 }
             }
         }
         let mut n_charts = 0;
         let mut chart = vec![0u32; corners.len()];
         for face in 0..corners.len() {
-            // A root is the lowest face of its chart, so it has its number before the others ask.
-            let root = find(&mut parent, face as u32) as usize;
-            if root == face {
+            // The lowest face of a chart comes first, so it has its number before the others ask.
+            let lowest = sets.lowest(face as u32) as usize;
+            if lowest == face {
                 chart[face] = n_charts;
                 n_charts += 1;
             } else {
-                chart[face] = chart[root];
+                chart[face] = chart[lowest];
             }
         }
         Self { corners, chart, n_charts }
@@ -56,19 +56,33 @@ fn corner_key(position: Vec3, uv: Vec2) -> CornerKey {
     [position.x, position.y, position.z, uv.x, uv.y].map(|value| (value + 0.0).to_bits())
 }
 
-fn find(parent: &mut [u32], face: u32) -> u32 {
-    let mut root = face;
-    while parent[root as usize] != root {
-        // Halving the path keeps later walks short.
-        parent[root as usize] = parent[parent[root as usize] as usize];
-        root = parent[root as usize];
-    }
-    root
+/// Disjoint sets of faces, named by their lowest member.
+pub(super) struct Sets {
+    parent: Vec<u32>,
 }
 
-fn join(parent: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (find(parent, a), find(parent, b));
-    parent[a.max(b) as usize] = a.min(b);
+impl Sets {
+    /// Every face on its own.
+    pub(super) fn new(count: usize) -> Self {
+        Self { parent: (0..count as u32).collect() }
+    }
+
+    /// Lowest face of a face's set.
+    pub(super) fn lowest(&mut self, face: u32) -> u32 {
+        let mut face = face;
+        while self.parent[face as usize] != face {
+            // Halving the path keeps later walks short.
+            self.parent[face as usize] = self.parent[self.parent[face as usize] as usize];
+            face = self.parent[face as usize];
+        }
+        face
+    }
+
+    /// Makes one set of two.
+    pub(super) fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.lowest(a), self.lowest(b));
+        self.parent[a.max(b) as usize] = a.min(b);
+    }
 }
 
 #[cfg(test)]

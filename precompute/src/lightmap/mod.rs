@@ -12,6 +12,8 @@ mod seams;
 pub mod sides;
 #[cfg(test)]
 mod test_scenes;
+#[cfg(test)]
+mod tests;
 pub mod texels;
 pub mod unwrap;
 

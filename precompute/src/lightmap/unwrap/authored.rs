@@ -62,7 +62,7 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
             (needed.ceil() as u32).max(MIN_SIZE).div_ceil(4) * 4
         }
     };
-    Ok(match overlap(&atlas, texels) {
+    Ok(match overlap(scene, &atlas, texels) {
         None => Ok(texels),
         Some((first, second)) => {
             let names: Vec<&str> = scene
@@ -78,7 +78,8 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
 }
 
 /// The first two faces that hold the same texel centre without being neighbours.
-fn overlap(atlas: &Atlas, size: u32) -> Option<(u32, u32)> {
+fn overlap(scene: &Scene, atlas: &Atlas, size: u32) -> Option<(u32, u32)> {
+    let faces: Vec<(usize, usize)> = scene.faces().collect();
     let footprints: Vec<Option<Footprint>> = atlas.corners.par_iter().map(|&uv| Footprint::new(uv, size)).collect();
     (0..size.div_ceil(BAND)).into_par_iter().find_map_first(|band| {
         let first_row = band * BAND;
@@ -95,7 +96,7 @@ fn overlap(atlas: &Atlas, size: u32) -> Option<(u32, u32)> {
                     let owner = &mut owner[((y - first_row) * size + x) as usize];
                     if *owner == u32::MAX {
                         *owner = face as u32;
-                    } else if !are_neighbours(atlas, *owner as usize, face) {
+                    } else if !are_neighbors(scene, atlas, &faces, *owner as usize, face) {
                         return Some((*owner, face as u32));
                     }
                 }
@@ -105,7 +106,13 @@ fn overlap(atlas: &Atlas, size: u32) -> Option<(u32, u32)> {
     })
 }
 
-/// Same chart, and a corner in common.
-fn are_neighbours(atlas: &Atlas, a: usize, b: usize) -> bool {
-    atlas.chart[a] == atlas.chart[b] && atlas.corners[a].iter().any(|corner| atlas.corners[b].contains(corner))
+/// Same chart, and a vertex in common.
+fn are_neighbors(scene: &Scene, atlas: &Atlas, faces: &[(usize, usize)], a: usize, b: usize) -> bool {
+    let corners = |face: usize| {
+        let (mesh, triangle) = faces[face];
+        let positions = scene.corners(mesh, triangle);
+        [0, 1, 2].map(|corner| (positions[corner], atlas.corners[face][corner]))
+    };
+    let of_b = corners(b);
+    atlas.chart[a] == atlas.chart[b] && corners(a).iter().any(|corner| of_b.contains(corner))
 }

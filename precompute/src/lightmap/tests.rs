@@ -1,0 +1,383 @@
+//! From scene to receivers: what must hold whatever the layout.
+
+use super::test_scenes::{cuboid, inward, merged, plane, room, scene, sphere, with_uv};
+use super::unwrap::{LayoutSize, UnwrapError, ensure_layout, usable_layout};
+use super::*;
+use crate::rays::RayCaster;
+use crate::settings::UnwrapBackend;
+use localprt_scenes::{AlphaMode, Image, Mesh, Scene, Texture, TextureRef, Wrap};
+
+fn quiet(_: &str, _: usize, _: usize) -> bool {
+    true
+}
+
+fn laid_out(scene: Scene, texels: u32) -> Scene {
+    ensure_layout(scene, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(texels), &quiet).unwrap().0
+}
+
+fn receivers(scene: &Scene, size: u32) -> ReceiverSet {
+    let caster = RayCaster::new(scene).unwrap();
+    receivers::place(scene, &Atlas::of(scene), &caster, size, &quiet).unwrap()
+}
+
+/// Charts of a map's texels; `u32::MAX` where there is none.
+fn chart_map(map: &TexelMap) -> Vec<u32> {
+    let mut charts = vec![u32::MAX; (map.size * map.size) as usize];
+    for texel in &map.texels {
+        charts[texel.index as usize] = texel.chart;
+    }
+    charts
+}
+
+fn neighbors(texel: u32, size: u32, reach: i64) -> impl Iterator<Item = u32> {
+    let (x, y, size) = (i64::from(texel % size), i64::from(texel / size), i64::from(size));
+    (-reach..=reach)
+        .flat_map(move |dy| (-reach..=reach).map(move |dx| (x + dx, y + dy)))
+        .filter(move |&(x, y)| (0..size).contains(&x) && (0..size).contains(&y))
+        .map(move |(x, y)| (y * size + x) as u32)
+}
+
+#[test]
+fn charts_are_two_texels_apart_and_no_two_faces_share_a_texel() {
+    for texels in [128, 300] {
+        let before = room();
+        let after = laid_out(before.clone(), texels);
+        let atlas = Atlas::of(&after);
+        let map = texels::cover(&after, &atlas, texels);
+        let charts = chart_map(&map);
+        for texel in &map.texels {
+            for near in neighbors(texel.index, texels, 2) {
+                let other = charts[near as usize];
+                assert!(other == u32::MAX || other == texel.chart, "charts {other} and {} touch", texel.chart);
+            }
+        }
+        // The check for overlap accepts what the unwrap made.
+        assert_eq!(usable_layout(&after, LayoutSize::Lightmap(texels)).unwrap(), Ok(texels));
+        // Faces are the same ones in the same order.
+        for (mesh, triangle) in before.faces() {
+            assert_eq!(before.corners(mesh, triangle), after.corners(mesh, triangle));
+        }
+        let share = map.texels.len() as f32 / (texels * texels) as f32;
+        assert!(share > 0.6, "only {share} of the map is used");
+    }
+}
+
+#[test]
+fn texels_are_of_one_size_on_the_surface_and_as_asked_for() {
+    let (after, report) = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Texel(0.1), &quiet).unwrap();
+    assert_eq!(report.size % 4, 0);
+    // The sphere's charts are flattened with up to twice or half the area; all else is flat.
+    assert!((report.texel_m - 0.1).abs() < 0.002, "{} m", report.texel_m);
+    let atlas = Atlas::of(&after);
+    for ((mesh, triangle), uv) in after.faces().zip(&atlas.corners).filter(|((mesh, _), _)| *mesh < 3) {
+        let [a, b, c] = after.corners(mesh, triangle);
+        let area = (b - a).cross(c - a).length() / 2.0;
+        let texels = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0 * (report.size as f32).powi(2);
+        // Coordinates are rounded to 2^-24 of the map: far below a thousandth of a texel.
+        assert!((area / texels).sqrt() / 0.1 - 1.0 < 2e-3);
+    }
+}
+
+#[test]
+fn a_layout_of_the_scene_is_kept_where_it_can_be_used() {
+    let left = with_uv(plane("left", Vec3::ZERO, Vec3::X, Vec3::Z, 4, 4), |p| Vec2::new(p.x * 0.45, p.z * 0.9));
+    let right = with_uv(plane("right", Vec3::Y, Vec3::X, Vec3::Z, 4, 4), |p| Vec2::new(p.x * 0.45 + 0.5, p.z * 0.9));
+    let kept = scene(vec![left.clone(), right.clone()]);
+    let (after, report) =
+        ensure_layout(kept.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet).unwrap();
+    assert!(report.kept && report.size == 64 && report.charts == 2);
+    assert_eq!(after.meshes[1].uv_sets, kept.meshes[1].uv_sets);
+    // 2 m^2 on 0.81 of the map: a texel of 1 cm takes 157.1 texels a side.
+    let (_, report) = ensure_layout(kept, UnwrapBackend::Uvunwrap, LayoutSize::Texel(0.01), &quiet).unwrap();
+    assert!(report.kept && report.size == 160);
+
+    let refused = |mesh: Mesh| {
+        let broken = scene(vec![left.clone(), mesh]);
+        let (_, report) = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet).unwrap();
+        assert!(!report.kept);
+        report.reason.unwrap()
+    };
+    // Each mesh in its own 0..1, as engines with one map per mesh lay them out.
+    assert!(refused(with_uv(right.clone(), |p| Vec2::new(p.x, p.z))).contains("overlaps"));
+    // Folded onto itself.
+    assert!(refused(with_uv(right.clone(), |p| Vec2::new((p.x - 0.5).abs() + 0.5, p.z))).contains("overlaps"));
+    assert!(refused(with_uv(right.clone(), |p| Vec2::new(p.x + 0.5, p.z))).contains("leaves 0..1"));
+    assert!(refused(with_uv(right.clone(), |_| Vec2::ONE)).contains("no area"));
+    assert!(refused(Mesh { uv_sets: Vec::new(), ..right.clone() }).contains("no TEXCOORD_1"));
+    assert!(refused(with_uv(right, |_| Vec2::NAN)).contains("leaves 0..1"));
+}
+
+#[test]
+fn meshes_with_degenerate_faces_are_unwrapped_around_them() {
+    let mut mesh = cuboid("block", Vec3::ZERO, Vec3::ONE);
+    mesh.uv_sets = vec![mesh.positions.iter().map(|p| Vec2::new(p.x, p.y + p.z)).collect()];
+    mesh.triangles.insert(3, [0, 0, 1]);
+    mesh.triangles.push([4, 4, 4]);
+    // Three points on a line.
+    let middle = mesh.positions.len() as u32;
+    mesh.positions.push((mesh.positions[0] + mesh.positions[1]) / 2.0);
+    mesh.normals.push(mesh.normals[0]);
+    mesh.uv_sets[0].push(Vec2::ZERO);
+    mesh.triangles.push([0, middle, 1]);
+    let before = scene(vec![mesh, Mesh { name: "empty".into(), ..Mesh::default() }]);
+    let after = laid_out(before.clone(), 64);
+    assert_eq!(after.face_count(), 15);
+    for (mesh, triangle) in before.faces() {
+        assert_eq!(before.corners(mesh, triangle), after.corners(mesh, triangle));
+        let set = |scene: &Scene| {
+            let mesh = &scene.meshes[mesh];
+            mesh.triangles[triangle].map(|vertex| (mesh.uv_sets[0][vertex as usize], mesh.normals[vertex as usize]))
+        };
+        assert_eq!(set(&before), set(&after));
+    }
+    let set = receivers(&after, 64);
+    assert!(set.len() > 1000 && set.invalid.is_empty());
+    // A scene of nothing is nothing.
+    let nothing = laid_out(scene(Vec::new()), 64);
+    assert!(receivers(&nothing, 64).is_empty());
+}
+
+#[test]
+fn sizes_that_cannot_work_are_refused_before_any_work() {
+    let never = |_: &str, _: usize, _: usize| -> bool { panic!("unwrapping has begun") };
+    let ask = |size| ensure_layout(room(), UnwrapBackend::Uvunwrap, size, &never).unwrap_err();
+    // Floor 36, walls and ceiling 132, block 20, ball 8: 196 m^2 at 1 mm is 14,000 texels a side.
+    let error = ask(LayoutSize::Texel(0.001));
+    let UnwrapError::TexelTooSmall { needed, possible_m, .. } = error else { panic!("{error}") };
+    assert!((13_950..14_050).contains(&needed) && possible_m > 14.0 / 8192.0);
+    assert!(error.to_string().contains("choose a texel of"));
+    for texel_m in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert!(matches!(ask(LayoutSize::Texel(texel_m)), UnwrapError::BadTexel { .. }));
+    }
+    for texels in [0, 15, 8193] {
+        assert!(matches!(ask(LayoutSize::Lightmap(texels)), UnwrapError::SizeOutOfRange { .. }));
+    }
+    let stop = |_: &str, _: usize, _: usize| false;
+    let stopped = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &stop);
+    assert!(matches!(stopped, Err(UnwrapError::Cancelled)));
+    // 1600 separate quads take at least 9 texels each.
+    let quads: Vec<Mesh> = (0..1600)
+        .map(|i| plane("", Vec3::new((i % 40) as f32, 0.0, (i / 40) as f32), Vec3::X * 0.5, Vec3::Z * 0.5, 1, 1))
+        .collect();
+    let quads = scene(vec![merged("quads", &quads)]);
+    let full = ensure_layout(quads, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet);
+    assert!(matches!(full, Err(UnwrapError::TooManyCharts { .. })));
+    let mut broken = room();
+    broken.meshes[1].positions[0].x = f32::NAN;
+    let broken = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet);
+    assert!(matches!(broken, Err(UnwrapError::NotFinite { vertex: 0, .. })));
+}
+
+#[test]
+fn a_texel_belongs_to_the_face_at_its_centre_or_the_nearest() {
+    // A quad from (1, 1) to (3.25, 3) texels of an 8 x 8 map.
+    let quad = with_uv(plane("quad", Vec3::ZERO, Vec3::X, Vec3::Z, 1, 1), |p| {
+        Vec2::new(0.125 + p.x * 2.25 / 8.0, 0.125 + p.z * 0.25)
+    });
+    let scene = scene(vec![quad]);
+    let map = texels::cover(&scene, &Atlas::of(&scene), 8);
+    let indices: Vec<u32> = map.texels.iter().map(|texel| texel.index).collect();
+    assert_eq!(indices, [9, 10, 11, 17, 18, 19]);
+    for texel in &map.texels {
+        let [a, b, c] = scene.corners(0, texel.triangle as usize);
+        let weights = texel.barycentrics;
+        let point = a * weights.x + b * weights.y + c * weights.z;
+        let (x, y) = (texel.index % 8, texel.index / 8);
+        let center = Vec2::new((x as f32 - 0.5) / 2.25, (y as f32 - 0.5) / 2.0);
+        if x < 3 {
+            // The diagonal passes through one centre; the first face has it.
+            assert!(point.distance(Vec3::new(center.x, 0.0, center.y)) < 1e-6);
+        } else {
+            // The centre lies off the quad, whose last quarter of a texel spans x from 0.889 to 1.
+            assert!(point.x > 0.95 && point.x < 1.0, "{point}");
+        }
+    }
+}
+
+#[test]
+fn receivers_under_a_box_are_invalid_and_those_beside_it_are_not() {
+    let floor = plane("floor", Vec3::new(-2.0, 0.0, -2.0), Vec3::X * 4.0, Vec3::Z * 4.0, 1, 1);
+    let block = cuboid("block", Vec3::new(-0.52, 0.0, -0.52), Vec3::new(0.52, 1.0, 0.52));
+    let walls = inward(cuboid("walls", Vec3::new(-2.0, -1e-3, -2.0), Vec3::new(2.0, 3.0, 2.0)));
+    let after = laid_out(scene(vec![floor, block, walls]), 256);
+    let atlas = Atlas::of(&after);
+    let set = receivers(&after, 256);
+    let map = texels::cover(&after, &atlas, 256);
+    let (mut under, mut beside) = (0, 0);
+    for texel in map.texels.iter().filter(|texel| texel.mesh == 0) {
+        let [a, b, c] = after.corners(0, texel.triangle as usize);
+        let weights = texel.barycentrics;
+        let point = a * weights.x + b * weights.y + c * weights.z;
+        let out = point.abs().max_element() - 0.52;
+        // A texel's diagonal off the box's border all of the texel is on one side; 0.04 m is a texel here.
+        if out > 0.06 {
+            assert!(set.texel.binary_search(&texel.index).is_ok(), "{point} is free");
+            beside += 1;
+        } else if out < -0.06 {
+            assert!(set.invalid.binary_search(&texel.index).is_ok(), "{point} is under the box");
+            under += 1;
+        }
+    }
+    assert!(under > 300 && beside > 5000, "{under} under, {beside} beside");
+    // Texels cut by the box's border have a receiver outside of it, moved within the texel or beyond.
+    for (receiver, position) in set.position.iter().enumerate() {
+        if after.meshes[0].normals[0] == set.geometric_normal[receiver] && position.y == 0.0 {
+            assert!(position.abs().max_element() >= 0.52, "{position} is under the box");
+        }
+    }
+}
+
+#[test]
+fn a_sample_inside_a_wall_moves_out_along_the_floor() {
+    // One texel of 0.5 m spans the 0.4 m thick wall and a little floor on the right of it.
+    let floor = with_uv(plane("floor", Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 2.0, 1, 1), |p| Vec2::new(p.x, p.z) / 4.0);
+    let wall = cuboid("wall", Vec3::new(0.49, -0.1, -1.0), Vec3::new(0.98, 2.0, 3.0));
+    let wall = with_uv(wall, |_| Vec2::ONE);
+    let set = receivers(&scene(vec![floor, wall]), 8);
+    assert!(set.pushed > 0 && set.invalid.is_empty(), "{} pushed, invalid: {:?}", set.pushed, set.invalid);
+    for position in &set.position {
+        assert!(position.x < 0.49 || position.x > 0.98, "{position} is inside the wall");
+        assert_eq!(position.y, 0.0);
+    }
+}
+
+#[test]
+fn receivers_stand_on_the_surface_of_their_chart() {
+    let after = laid_out(room(), 200);
+    let atlas = Atlas::of(&after);
+    let caster = RayCaster::new(&after).unwrap();
+    let set = receivers(&after, 200);
+    assert!(set.len() > 20_000);
+    let mut faces_of = vec![Vec::new(); atlas.n_charts as usize];
+    for (face, place) in after.faces().enumerate() {
+        faces_of[atlas.chart[face] as usize].push(place);
+    }
+    for receiver in 0..set.len() {
+        let position = set.position[receiver].as_dvec3();
+        let off = faces_of[set.chart[receiver] as usize].iter().map(|&(mesh, triangle)| {
+            let [a, b, c] = after.corners(mesh, triangle).map(Vec3::as_dvec3);
+            let normal = (b - a).cross(c - a);
+            let outside = [(a, b), (b, c), (c, a)]
+                .map(|(from, to)| (position - from).dot((to - from).cross(normal).normalize()).max(0.0));
+            (position - a).dot(normal.normalize()).abs().max(outside[0]).max(outside[1]).max(outside[2])
+        });
+        // Rounding of a point to f32, which the ray offset allows for.
+        let off = off.fold(f64::INFINITY, f64::min);
+        assert!(off < f64::from(caster.offset_m()), "receiver {receiver} is {off} m off its chart");
+        assert!(set.normal[receiver].dot(set.geometric_normal[receiver]) > 0.9);
+    }
+}
+
+#[test]
+fn every_bilinear_tap_of_a_chart_meets_its_own_light() {
+    let after = laid_out(room(), 160);
+    let map = texels::cover(&after, &Atlas::of(&after), 160);
+    let set = receivers(&after, 160);
+    let mut shown = vec![u32::MAX; 160 * 160];
+    for (receiver, &texel) in set.texel.iter().enumerate() {
+        shown[texel as usize] = receiver as u32;
+    }
+    assert!(set.gutters.is_sorted());
+    for &(texel, receiver) in &set.gutters {
+        assert_eq!(shown[texel as usize], u32::MAX, "texel {texel} is filled twice");
+        shown[texel as usize] = receiver;
+    }
+    // A coordinate on a covered texel is filtered from it and the texels around it.
+    for texel in &map.texels {
+        for near in neighbors(texel.index, 160, 1) {
+            let receiver = shown[near as usize];
+            assert!(receiver != u32::MAX && set.chart[receiver as usize] == texel.chart);
+        }
+    }
+    // The nearest one, for gutters of valid texels.
+    let distance = |a: u32, b: u32| {
+        let (dx, dy) = (a % 160, a / 160);
+        (i64::from(dx) - i64::from(b % 160)).pow(2) + (i64::from(dy) - i64::from(b / 160)).pow(2)
+    };
+    for &(texel, receiver) in set.gutters.iter().step_by(17) {
+        let chart = set.chart[receiver as usize];
+        let members = (0..set.len()).filter(|&other| set.chart[other] == chart);
+        let least = members.map(|other| distance(texel, set.texel[other])).min().unwrap();
+        let held = distance(texel, set.texel[receiver as usize]);
+        let exact = (least as f64).sqrt() <= 3.0;
+        assert!(held == least || !exact && (held as f64).sqrt() < (least as f64).sqrt() + 1.5);
+    }
+}
+
+#[test]
+fn seams_join_the_two_sides_of_a_smooth_surface_and_no_others() {
+    let ball = sphere("ball", Vec3::new(5.0, 0.0, 0.0), 1.0, 16);
+    let block = cuboid("block", Vec3::ZERO, Vec3::ONE);
+    let after = laid_out(scene(vec![ball, block]), 256);
+    let (_, report) = ensure_layout(after.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(256), &quiet).unwrap();
+    let set = receivers(&after, 256);
+    assert!(set.seams.len() > 100, "{} seams", set.seams.len());
+    assert!(set.seams.is_sorted() && set.seams.windows(2).all(|pair| pair[0] != pair[1]));
+    for &(a, b) in &set.seams {
+        assert!(a < b);
+        let (a, b) = (a as usize, b as usize);
+        assert!(set.position[a].x > 2.0 && set.position[b].x > 2.0, "a block's edge is no seam");
+        // Each within 1.5 texels of the seam's point; texels are up to sqrt 2 longer or shorter than the mean.
+        let reach = 3.0 * 2f32.sqrt() * report.texel_m;
+        assert!(set.position[a].distance(set.position[b]) < reach);
+    }
+    // A plane cut in two in the map: every receiver beside the cut has a partner straight across.
+    let left = with_uv(plane("", Vec3::ZERO, Vec3::X, Vec3::Z, 1, 1), |p| Vec2::new(p.x * 0.25, p.z * 0.5));
+    let right = with_uv(plane("", Vec3::X, Vec3::X, Vec3::Z, 1, 1), |p| Vec2::new(p.x * 0.25 + 0.5, p.z * 0.5));
+    let set = receivers(&scene(vec![left, right]), 64);
+    let across: Vec<(Vec3, Vec3)> =
+        set.seams.iter().map(|&(a, b)| (set.position[a as usize], set.position[b as usize])).collect();
+    assert_eq!(across.len(), 32);
+    for (a, b) in across {
+        // Texels of 1/16 m by 1/32 m, centres half a texel off the cut.
+        assert!((b - a - Vec3::X / 16.0).length() < 1e-5, "{a} {b}");
+    }
+}
+
+#[test]
+fn holes_of_alpha_masks_have_no_receivers() {
+    let mut sheet = with_uv(plane("sheet", Vec3::ZERO, Vec3::X, Vec3::Z, 1, 1), |p| Vec2::new(p.x, p.z) * 0.5);
+    sheet.uv_sets[0] = sheet.positions.iter().map(|p| Vec2::new(p.x, p.z)).collect();
+    let mut scene = scene(vec![sheet]);
+    // Left half opaque, right half cut out.
+    let rgba = vec![255, 255, 255, 255, 255, 255, 255, 0];
+    scene.images.push(Image { name: "mask".into(), width: 2, height: 1, rgba, encoded: None });
+    let clamp = Wrap::ClampToEdge;
+    scene.textures.push(Texture { image: 0, wrap_u: clamp, wrap_v: clamp, nearest: true });
+    scene.materials[0].base_color_texture =
+        Some(TextureRef { texture: 0, uv_set: 0, transform: glam::Affine2::IDENTITY });
+    scene.materials[0].alpha = AlphaMode::Mask { cutoff: 0.5 };
+    let set = receivers(&scene, 32);
+    assert_eq!((set.len(), set.invalid.len()), (8 * 16, 0));
+    assert!(set.position.iter().all(|position| position.x < 0.5));
+    // Holes show the light of the sheet's own texels.
+    assert!(set.gutters.iter().any(|&(texel, _)| texel == 15));
+}
+
+#[test]
+fn the_same_layout_and_receivers_on_any_number_of_threads() {
+    let run = |threads| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let after = laid_out(room(), 128);
+            let uv: Vec<Vec<Vec<Vec2>>> = after.meshes.iter().map(|mesh| mesh.uv_sets.clone()).collect();
+            (uv, format!("{:?}", receivers(&after, 128)))
+        })
+    };
+    assert!(run(1) == run(4));
+}
+
+#[test]
+fn rays_along_the_axes_hit_whatever_the_sign_of_their_zeros() {
+    let floor = plane("floor", Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 2.0, 1, 1);
+    let wall = cuboid("wall", Vec3::new(0.49, -0.1, -1.0), Vec3::new(0.98, 2.0, 3.0));
+    let scene = scene(vec![floor, wall]);
+    let caster = RayCaster::new(&scene).unwrap();
+    for signs in 0..4 {
+        let zero = |bit: u32| if signs >> bit & 1 == 0 { 0.0 } else { -0.0 };
+        let along_x = caster.closest_hit(Vec3::new(0.75, 1e-4, 0.25), Vec3::new(1.0, zero(0), zero(1)));
+        assert!((along_x.unwrap().t - 0.23).abs() < 1e-6);
+        let down = caster.closest_hit(Vec3::new(1.5, 0.5, 0.25), Vec3::new(zero(0), -1.0, zero(1)));
+        assert!((down.unwrap().t - 0.5).abs() < 1e-6);
+        assert!(!caster.visible(Vec3::new(0.75, 1e-4, 0.25), Vec3::new(1.75, 1e-4 + zero(0), 0.25)));
+    }
+}
