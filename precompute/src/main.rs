@@ -4,12 +4,16 @@ mod cli;
 mod commands;
 
 use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::lightmap::unwrap::xatlas::{CHILD_ARGUMENT, xatlas_child_main};
 use std::io::{self, IsTerminal, Write};
 use std::panic::{self, PanicHookInfo};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn main() -> ExitCode {
+    if std::env::args_os().nth(1).is_some_and(|argument| argument == CHILD_ARGUMENT) {
+        return xatlas_child_main();
+    }
     panic::set_hook(Box::new(report_panic));
     let exit = panic::catch_unwind(run).unwrap_or(Exit::Internal);
     ExitCode::from(exit.code())
