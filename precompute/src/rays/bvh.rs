@@ -109,9 +109,6 @@ impl Tree {
         if self.triangles.is_empty() {
             return None;
         }
-        // Adding zero turns -0 into 0: the traversal takes a direction's sign from the comparison with 0, but the side of
-        // the box from its reciprocal, and would miss boxes.
-        let dir = dir + Vec3::ZERO;
         let shear = Shear::new(origin, dir);
         let mut nearest: Option<TriangleHit> = None;
         let mut tree_hit = RayHit::none();
@@ -147,7 +144,6 @@ impl Tree {
         if self.triangles.is_empty() {
             return None;
         }
-        let dir = dir + Vec3::ZERO;
         let shear = Shear::new(origin, dir);
         let stops = |triangle: &StoredTriangle| {
             shear.intersect(triangle, t_max).filter(|hit| !triangle.masked || confirm(hit)).is_some()
