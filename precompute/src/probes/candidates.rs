@@ -1,6 +1,6 @@
 //! A vastly overcomplete set of possible probe positions near surfaces.
 
-use super::PlacementError;
+use super::{PlacementError, reduce::most_candidates};
 use crate::{
     rays::RayCaster,
     voxels::{Voxel, VoxelGrid, surroundings},
@@ -9,12 +9,6 @@ use glam::Vec3;
 use localprt_formats::directions::{counter_hash, counter_uniform};
 use rayon::prelude::*;
 
-/// Voxels tried per probe asked for, at most: with 128 to choose from, thinning moves a probe by a tenth of its
-/// spacing at most (surfaces: 128^(-1/2)).
-const PER_PROBE: usize = 128;
-/// Bounds of that number.
-const LEAST_TRIED: usize = 8192;
-const MOST_TRIED: usize = 500_000;
 /// Least distance to surfaces, in voxels (ANCHORS 4.9).
 const CLEARANCE: f32 = 0.25;
 /// Positions tried within a voxel: its centre, then random ones.
@@ -32,10 +26,10 @@ pub struct Candidates {
 }
 
 /// Candidates for `target` probes: one in every open voxel that has a solid one among its 26 neighbors, unless the
-/// voxel is behind surfaces (more than 25 % of the hits of 32 rays are back faces) or too close to them (a quarter
-/// voxel) at its centre and at four random places.
+/// voxel is behind surfaces (more than 25 % of the hits of 32 rays are back faces), too close to them (a quarter voxel)
+/// or out of their sight (no hit, as beside the rim of a plane) at its centre and at four random places.
 ///
-/// Where voxels are far more than the probes need (128 each), an even share of them is tried. Where good voxels near
+/// Where voxels are far more than the probes need (64 each, and 200 000), an even share of them is tried. Where good voxels near
 /// surfaces are fewer than the probes, open voxels away from surfaces are tried as well; there may still be fewer
 /// candidates than probes.
 ///
@@ -48,7 +42,7 @@ pub fn candidates(
     target: usize,
     seed: u64,
 ) -> Result<Candidates, PlacementError> {
-    let tried = target.saturating_mul(PER_PROBE).clamp(LEAST_TRIED, MOST_TRIED.max(2 * target));
+    let tried = most_candidates(target);
     let near = even_subset(open_voxels(grid, true), tried, seed);
     let (mut voxels, mut positions) = good_positions(grid, caster, &near, seed);
     let mut tested = near.len();
@@ -126,6 +120,7 @@ fn good_position(grid: &VoxelGrid, caster: &RayCaster, voxel: u32, seed: u64) ->
         };
         let position = center + Vec3::new(offset(0), offset(1), offset(2));
         let found = surroundings(caster, position);
-        (!found.is_behind() && found.clearance_m >= CLEARANCE * grid.voxel_m).then_some(position)
+        let good = found.hits > 0 && !found.is_behind() && found.clearance_m >= CLEARANCE * grid.voxel_m;
+        good.then_some(position)
     })
 }

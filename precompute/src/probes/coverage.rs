@@ -15,7 +15,9 @@ const RECEIVERS: usize = 2048;
 /// samples were independent.
 const RAYS: u32 = 32;
 /// Candidates weighed, spread evenly over those that could help.
-const MOST_CANDIDATES: usize = 4096;
+const MOST_CANDIDATES: usize = 2048;
+/// Unseen samples they are weighed on, spread evenly. Both bound the work: four million visibility rays.
+const MOST_UNSEEN: usize = 2048;
 /// Candidates tested for whether they could.
 const MOST_TESTED: usize = 8 * MOST_CANDIDATES;
 /// A candidate must cover this share of all samples to be worth a probe. Ten probes of this kind are 2 %.
@@ -93,26 +95,24 @@ impl<'a> Coverage<'a> {
         if budget == 0 || pool.is_empty() {
             return Vec::new();
         }
-        let unseen = self.unseen(probes, support);
-        let least = ((WORTHWHILE * self.samples.len() as f64).ceil() as usize).max(1);
+        let all_unseen = self.unseen(probes, support);
+        let unseen = evenly(&all_unseen, MOST_UNSEEN);
+        let weighed = unseen.len() as f64 / all_unseen.len().max(1) as f64;
+        let least = ((WORTHWHILE * weighed * self.samples.len() as f64).ceil() as usize).max(1);
         if unseen.len() < least {
             return Vec::new();
         }
-        let covers = self.covers(
-            &unseen,
-            support,
-            receivers,
-            candidates,
-            &helpful(pool, candidates, |position| {
-                // Whether it would support a receiver that lacks something. Samples are by rising receiver.
-                let mut before = None;
-                unseen.iter().any(|sample| {
-                    let receiver = self.samples[*sample as usize].receiver as usize;
-                    before.replace(receiver) != Some(receiver)
-                        && position.distance(receivers[receiver]) < support.radius_m[receiver]
-                })
-            }),
-        );
+        let could_help = |position: Vec3| {
+            // Whether it would support a receiver that lacks something. Samples are by rising receiver.
+            let mut before = None;
+            unseen.iter().any(|&sample| {
+                let receiver = self.samples[sample as usize].receiver as usize;
+                before.replace(receiver) != Some(receiver)
+                    && position.distance(receivers[receiver]) < support.radius_m[receiver]
+            })
+        };
+        let chosen = helpful(pool, candidates, could_help);
+        let covers = self.covers(&unseen, support, receivers, candidates, &chosen);
         let mut open = vec![true; unseen.len()];
         let mut added = Vec::new();
         while added.len() < budget {

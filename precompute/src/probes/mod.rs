@@ -121,7 +121,7 @@ pub enum PlacementError {
     },
     /// There are open voxels, but none of them is good for a probe.
     #[error(
-        "each of {tested} possible probe positions is behind surfaces or within a quarter voxel of one: use a smaller \
+        "each of {tested} possible probe positions is behind surfaces, within a quarter voxel of one, or sees none: use a smaller \
          voxel size than {voxel_m} m, or turn one-sided surfaces to face the space to light"
     )]
     NoCandidate {
@@ -199,9 +199,8 @@ pub fn place(
     let kernel_m = if settings.probes.is_some() { spacing_for(bounds, target as u32) } else { rho };
     let budget = (f64::from(settings.repair) * target as f64) as usize;
     let exact = settings.probes.is_some();
-    let base = if exact { target.saturating_sub(budget).max(1) } else { target };
-    let thinned = reduce(&found.positions, base, kernel_m);
-    let plain = placement(&found.positions, &thinned.padded(target), receivers, settings)?;
+    let thinned = reduce(&found.positions, target, kernel_m);
+    let plain = placement(&found.positions, &thinned.kept, receivers, settings)?;
 
     let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
     let unseen_before = coverage.unseen_share(&plain.0, &plain.1);
@@ -217,11 +216,15 @@ pub fn place(
         ..Default::default()
     };
 
-    let start = if exact { placement(&found.positions, &thinned.kept, receivers, settings)? } else { plain.clone() };
-    let added = coverage.repair(&start.0, &start.1, receivers, &found.positions, &thinned.removed, budget);
+    // An explicit count makes room for the repair first.
+    let room = if exact { budget.min(target - 1) } else { 0 };
+    let reduced = if room > 0 { thinned.further(&found.positions, target - room, kernel_m) } else { thinned };
+    let start = if room > 0 { placement(&found.positions, &reduced.kept, receivers, settings)? } else { plain.clone() };
+    let budget = if exact { room } else { budget };
+    let added = coverage.repair(&start.0, &start.1, receivers, &found.positions, &reduced.removed, budget);
     let mut best = plain;
     if !added.is_empty() {
-        let repaired = thinned.with(&added);
+        let repaired = reduced.with(&added);
         let total = if exact { target } else { repaired.kept.len() };
         let trial = placement(&found.positions, &repaired.padded(total), receivers, settings)?;
         let unseen = coverage.unseen_share(&trial.0, &trial.1);

@@ -6,7 +6,7 @@ use crate::{
     settings::BakeSettings,
     voxels::{
         Voxel, VoxelGrid, spacing,
-        test_scenes::{block, corridor, rectangle, room, scene, sphere, surface_points},
+        test_scenes::{block, corridor, labyrinth, rectangle, room, scene, sphere, surface_points},
     },
 };
 use glam::Vec3;
@@ -119,6 +119,7 @@ fn reduction_removes_the_densest_first_and_ties_by_index() {
     assert_eq!(reduction.padded(99), [0, 1, 2, 3, 4]);
     assert_eq!(reduction.with(&[0]).kept, [0, 3, 4]);
     assert_eq!(reduction.with(&[0]).padded(4), [0, 1, 3, 4]);
+    assert_eq!(reduce(&points, 4, 1.0).further(&points, 2, 1.0), reduction);
     assert_eq!(reduce(&points, 9, 1.0).kept, [0, 1, 2, 3, 4]);
     assert_eq!(reduce(&[Vec3::ONE; 6], 1, 1.0).kept, [5]);
     assert_eq!(reduce(&[], 3, 1.0).kept, [] as [u32; 0]);
@@ -149,12 +150,44 @@ fn reduction_agrees_with_removal_step_by_step() {
 }
 
 #[test]
+fn thinning_a_lattice_or_a_line_ends_and_leaves_no_clumps() {
+    let lattice: Vec<Vec3> =
+        (0..1000).map(|index| Vec3::new((index % 10) as f32, (index / 10 % 10) as f32, (index / 100) as f32)).collect();
+    for kernel_m in [0.3, 1.0, 1.01, 3.0, 20.0] {
+        assert_eq!(reduce(&lattice, 900, kernel_m).kept.len(), 900);
+        let half = reduce(&lattice, 100, kernel_m);
+        let kept: Vec<Vec3> = half.kept.iter().map(|&index| lattice[index as usize]).collect();
+        // 100 of 1000: two lattice steps between neighbors, at least a diagonal of one.
+        assert!(nearest_other(&kept).into_iter().all(|distance| distance > 1.4), "kernel {kernel_m}");
+    }
+    let line: Vec<Vec3> = random_points(3000, 10.0).into_iter().map(|point| Vec3::X * point.x).collect();
+    for kernel_m in [0.1, 1.0, 3.0, 50.0] {
+        let kept: Vec<Vec3> = reduce(&line, 10, kernel_m).kept.iter().map(|&index| line[index as usize]).collect();
+        // Ten on 10 m: up to 1.1 m apart.
+        assert!(nearest_other(&kept).into_iter().all(|distance| distance > 0.5), "kernel {kernel_m}: {kept:?}");
+    }
+}
+
+#[test]
+fn of_far_too_many_candidates_an_even_share_is_thinned() {
+    let line: Vec<Vec3> = (0..300_000).map(|index| Vec3::X * (index as f32 * 1e-4)).collect();
+    let reduction = reduce(&line, 10, 3.0);
+    assert_eq!((reduction.kept.len(), reduction.removed.len()), (10, 299_990));
+    let mut all = [reduction.kept.clone(), reduction.removed].concat();
+    all.sort_unstable();
+    assert!(all.into_iter().eq(0..300_000));
+    // Ten on 30 m. A gap of two kernels would have held a candidate of density 0, which is not removed.
+    let gaps: Vec<f32> = reduction.kept.windows(2).map(|pair| (pair[1] - pair[0]) as f32 * 1e-4).collect();
+    assert!(gaps.iter().all(|gap| (1.5..6.0).contains(gap)), "{gaps:?}");
+}
+
+#[test]
 fn reduced_points_are_evenly_spread() {
     // 20 000 points of the unit square, 100 left: 0.1 m between points of a square grid, 0.107 m of a triangular one.
-    // Random points would have some within 0.01 m and a hole of 0.2 m.
+    // Random points would have some within 0.01 m and a hole of 0.2 m; so would a kernel left at 0.3 m or more.
     let square: Vec<Vec3> =
         random_points(20_000, 1.0).into_iter().map(|point| Vec3::new(point.x, 0.0, point.z)).collect();
-    for kernel_m in [0.1, 0.02, 0.3] {
+    for kernel_m in [0.1, 0.02, 0.3, 5.0] {
         let reduction = reduce(&square, 100, kernel_m);
         let kept: Vec<Vec3> = reduction.kept.iter().map(|&index| square[index as usize]).collect();
         let nearest = nearest_other(&kept).into_iter().fold(f32::INFINITY, f32::min);
@@ -186,9 +219,9 @@ fn the_radius_gives_ten_probes_on_average_and_three_to_everyone() {
         assert_eq!(links.radius_m[receiver], set.radius_m.max(1.05 * distances[2]));
     }
     for asked in [1.0, 4.5, 60.0] {
-        let settings = BakeSettings { overlap: asked, min_overlap: 1, ..Default::default() };
+        let settings = BakeSettings { overlap: asked, min_overlap: 0, ..Default::default() };
         let overlap = support(&receivers, &probes, &settings).unwrap().2;
-        assert!((overlap.mean - asked.max(1.0)).abs() <= 0.3, "asked for {asked}: {overlap:?}");
+        assert!((overlap.mean - asked).abs() <= 0.3, "asked for {asked}: {overlap:?}");
     }
 }
 
@@ -236,10 +269,10 @@ fn placing_fills_both_rooms_and_keeps_its_promises() {
 
 #[test]
 fn an_explicit_count_is_kept_with_and_without_repair() {
-    let scene = scene(&[corridor(12.0)], false);
-    for probes in [1, 2, 7, 20, 40, 100] {
-        for repair in [0.0, 0.1, 1.0] {
-            let (set, support, report) = run(&scene, 1500, &BakeSettings { repair, ..exactly(probes) }).unwrap();
+    let scene = scene(&[corridor(6.0)], false);
+    for probes in [1, 2, 7, 40] {
+        for repair in [0.0, 0.3] {
+            let (set, support, report) = run(&scene, 300, &BakeSettings { repair, ..exactly(probes) }).unwrap();
             assert_eq!(set.positions.len(), probes as usize, "repair {repair}: {report:?}");
             assert!(report.overlap.1 >= probes.min(3), "{report:?}");
             assert_eq!(support.radius_m.iter().filter(|radius| !radius.is_finite()).count(), 0);
@@ -249,11 +282,11 @@ fn an_explicit_count_is_kept_with_and_without_repair() {
 
 #[test]
 fn repair_lowers_the_unseen_share_of_a_corridor() {
-    let scene = scene(&[corridor(12.0)], false);
-    let settings = BakeSettings { overlap: 3.0, min_overlap: 1, repair: 0.5, ..exactly(8) };
+    let scene = labyrinth();
+    let settings = BakeSettings { overlap: 3.0, min_overlap: 1, repair: 0.3, ..exactly(20) };
     let (_, _, report) = run(&scene, 3000, &settings).unwrap();
     assert!(report.unseen_before > 0.02, "nothing to repair: {report:?}");
-    assert!(report.repaired > 0 && report.unseen_after < 0.8 * report.unseen_before, "{report:?}");
+    assert!(report.repaired > 0 && report.unseen_after < 0.7 * report.unseen_before, "{report:?}");
     let (_, _, without) = run(&scene, 3000, &BakeSettings { repair: 0.0, ..settings }).unwrap();
     assert_eq!((without.repaired, without.unseen_after), (0, without.unseen_before));
     assert_eq!(without.unseen_before, report.unseen_before);

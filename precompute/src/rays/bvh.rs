@@ -16,6 +16,10 @@ use std::time::Duration;
 
 /// Boxes grow by this times (largest absolute coordinate + 1) on every side: a few f32 roundings.
 const BOX_PADDING: f32 = 1e-6;
+/// The tree holds boxes scaled so that the largest coordinate is about two to this power: its traversal ignores boxes
+/// that a ray leaves within 1e-4 units, which would lose surfaces nearer than a tenth of a millimetre in metres. Here
+/// it is 1e-10 of the largest coordinate, below the rounding of f32.
+const SCALED_COORDINATE: f32 = 1_048_576.0;
 /// The traversal of the eight-wide tree has a stack of this many groups.
 const MAX_STACK: usize = 32;
 
@@ -58,6 +62,8 @@ pub enum TreeError {
 /// A bounding volume hierarchy over triangles.
 pub(super) struct Tree {
     bvh: CwBvh,
+    /// Tree units per metre, a power of two, so that scaling does not round.
+    scale: f32,
     /// In tree order, so that a leaf's triangles lie together.
     triangles: Vec<StoredTriangle>,
 }
@@ -76,14 +82,17 @@ impl Tree {
         let largest =
             triangles.iter().flatten().fold(0.0f32, |largest, corner| largest.max(corner.abs().max_element()));
         let padding = Vec3A::splat(BOX_PADDING * (largest + 1.0).min(f32::MAX / 4.0));
+        let scale =
+            if largest > 0.0 { (SCALED_COORDINATE / largest).log2().round().clamp(-100.0, 100.0).exp2() } else { 1.0 };
         let boxes: Vec<PaddedBox> = triangles
             .iter()
             .map(|[a, b, c]| {
-                PaddedBox(Aabb::new(Vec3A::from(a.min(*b).min(*c)) - padding, Vec3A::from(a.max(*b).max(*c)) + padding))
+                let (low, high) = (Vec3A::from(a.min(*b).min(*c)) - padding, Vec3A::from(a.max(*b).max(*c)) + padding);
+                PaddedBox(Aabb::new(low * scale, high * scale))
             })
             .collect();
         if boxes.is_empty() {
-            return Ok(Self { bvh: CwBvh::default(), triangles: Vec::new() });
+            return Ok(Self { bvh: CwBvh::default(), scale, triangles: Vec::new() });
         }
         let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
         let depth = stack_need(&bvh);
@@ -95,7 +104,7 @@ impl Tree {
             .iter()
             .map(|&index| StoredTriangle { corners: triangles[index as usize], index, masked: masked[index as usize] })
             .collect();
-        Ok(Self { bvh, triangles })
+        Ok(Self { bvh, scale, triangles })
     }
 
     /// Nearest hit with `0 < t < t_max` that `confirm` accepts (asked for masked triangles only).
@@ -112,15 +121,15 @@ impl Tree {
         let shear = Shear::new(origin, dir);
         let mut nearest: Option<TriangleHit> = None;
         let mut tree_hit = RayHit::none();
-        self.bvh.ray_traverse(tree_ray(origin, dir, t_max), &mut tree_hit, |ray, id| {
+        self.bvh.ray_traverse(self.ray(origin, dir, t_max), &mut tree_hit, |ray, id| {
             let triangle = &self.triangles[id];
-            match shear.intersect(triangle, ray.tmax) {
+            match shear.intersect(triangle, ray.tmax / self.scale) {
                 Some(hit) if !triangle.masked || confirm(&hit) => {
                     // Equal distances: the smaller index, so that the answer does not depend on the tree.
                     if nearest.is_none_or(|held| (hit.t, hit.triangle) < (held.t, held.triangle)) {
                         nearest = Some(hit);
                     }
-                    hit.t
+                    hit.t * self.scale
                 }
                 _ => f32::INFINITY,
             }
@@ -152,7 +161,7 @@ impl Tree {
             return Some(hint);
         }
         let mut occluder = None;
-        self.bvh.ray_traverse_miss(tree_ray(origin, dir, t_max), |_, id| {
+        self.bvh.ray_traverse_miss(self.ray(origin, dir, t_max), |_, id| {
             if stops(&self.triangles[id]) {
                 occluder = Some(id as u32);
                 0.0
@@ -162,12 +171,14 @@ impl Tree {
         });
         occluder
     }
-}
 
-/// obvhs takes the sign of a component once from the direction and once from its inverse, which disagree for -0.0: such a
-/// ray would miss every box. Adding zero makes it +0.0.
-fn tree_ray(origin: Vec3, dir: Vec3, t_max: f32) -> Ray {
-    Ray::new(origin.into(), (dir + Vec3::ZERO).into(), 0.0, t_max)
+    /// A ray in tree units.
+    ///
+    /// obvhs takes the sign of a component once from the direction and once from its inverse, which disagree for -0.0:
+    /// such a ray would miss boxes. Adding zero makes it +0.0.
+    fn ray(&self, origin: Vec3, dir: Vec3, t_max: f32) -> Ray {
+        Ray::new((origin * self.scale).into(), (dir + Vec3::ZERO).into(), 0.0, t_max * self.scale)
+    }
 }
 
 /// Most groups that a traversal can have on its stack: the nodes on the way to a leaf that leave a second inner child
@@ -277,4 +288,31 @@ pub(super) fn brute_force(triangles: &[[Vec3; 3]], origin: Vec3, dir: Vec3) -> O
         }
     }
     nearest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Tree;
+    use glam::Vec3;
+
+    /// Distances far below the traversal's own 1e-4, in scenes of any unit.
+    #[test]
+    fn a_surface_close_by_is_not_lost() {
+        for scale in [1e-3f32, 1.0, 1e4] {
+            let square = [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]];
+            let triangles = square.map(|triangle| triangle.map(|corner| (2.0 * corner - 1.0) * scale));
+            let tree = Tree::build(&triangles, &[false; 2]).unwrap();
+            for distance in [1e-3, 1e-4, 1e-5, 1e-6].map(|share| share * scale) {
+                let origin = Vec3::new(0.1 * scale, 0.2 * scale, -scale) + Vec3::Z * distance;
+                let hit = tree.closest_hit(origin, Vec3::NEG_Z, f32::INFINITY, |_| true);
+                // The origin is rounded to 2^-24 of the scale.
+                assert!(
+                    hit.is_some_and(|hit| (hit.t - distance).abs() <= 6e-8 * scale),
+                    "{scale}, {distance}: {hit:?}"
+                );
+                assert!(!tree.is_clear(origin, Vec3::NEG_Z, 0.5 * scale, |_| true), "{scale}, {distance}");
+                assert!(tree.is_clear(origin, Vec3::Z, f32::INFINITY, |_| true), "{scale}, {distance}");
+            }
+        }
+    }
 }

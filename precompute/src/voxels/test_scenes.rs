@@ -62,7 +62,7 @@ pub(crate) fn sphere(center: Vec3, radius: f32, level: u32) -> Vec<[Vec3; 3]> {
     let mut triangles: Vec<[Vec3; 3]> = (0..8)
         .map(|octant| {
             let [x, y, z] = [0, 1, 2].map(|axis| if octant >> axis & 1 == 1 { -axes[axis] } else { axes[axis] });
-            if (octant as u32).count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] }
+            if (octant as u32).count_ones().is_multiple_of(2) { [x, y, z] } else { [x, z, y] }
         })
         .collect();
     for _ in 0..level {
@@ -98,6 +98,18 @@ pub(crate) fn corridor(length: f32) -> Vec<[Vec3; 3]> {
         rectangle(z * length, y, x),
     ]
     .concat()
+}
+
+/// The corridor of 12 m with blocks standing out of alternate walls, so that one sees few metres ahead.
+pub(crate) fn labyrinth() -> Scene {
+    let mut parts = vec![corridor(12.0)];
+    for step in 0..9 {
+        let (ahead, side) = (1.5 + 1.1 * step as f32, 0.35 * (step % 2) as f32);
+        let (low, high) = (Vec3::new(ahead, 0.0, side), Vec3::new(ahead + 0.2, 1.0, side + 0.65));
+        parts.push(block(low, high));
+        parts.push(block(Vec3::new(low.z, low.y, low.x), Vec3::new(high.z, high.y, high.x)));
+    }
+    scene(&parts, false)
 }
 
 /// Points spread over the front of all triangles, about `count`, with normals; positions just off the surface.

@@ -74,7 +74,7 @@ fn overlap_agrees_with_clipping() {
 fn every_point_of_a_surface_is_in_a_solid_voxel_and_every_solid_voxel_touches_it() {
     let triangles =
         [sphere(Vec3::new(0.3, -0.2, 0.1), 1.0, 3), rectangle(Vec3::NEG_ONE, Vec3::X, Vec3::Z * 2.0)].concat();
-    let scene = scene(&[triangles.clone()], false);
+    let scene = scene(std::slice::from_ref(&triangles), false);
     let (origin, voxel_m, size) = (Vec3::splat(-1.7), 0.13f32, UVec3::splat(30));
     let solid = rasterize::solid_voxels(&scene, origin, voxel_m, size);
     let grid = VoxelGrid { origin, voxel_m, size, voxels: Vec::new() };
@@ -89,13 +89,13 @@ fn every_point_of_a_surface_is_in_a_solid_voxel_and_every_solid_voxel_touches_it
         }
     }
     let count = solid.iter().filter(|&&solid| solid).count();
-    for index in 0..solid.len() {
+    for (index, &solid) in solid.iter().enumerate() {
         let low = origin.as_dvec3() + grid.cell(index).as_dvec3() * voxel;
         let touched = triangles.iter().any(|corners| {
             !clipped_is_empty(corners.map(Vec3::as_dvec3), low - 1e-6 * voxel, low + voxel * (1.0 + 1e-6))
         });
         // The two boxes differ by the margins alone, and only towards more touching.
-        assert!(touched || !solid[index], "voxel {} is solid without a triangle", grid.cell(index));
+        assert!(touched || !solid, "voxel {} is solid without a triangle", grid.cell(index));
     }
     // A sphere's shell: area over voxel area is 744; conservative voxels are 1.5 to 2.5 times as many.
     assert!((1100..2200).contains(&count), "{count} solid voxels");
@@ -132,7 +132,7 @@ fn the_inside_of_a_block_and_the_outside_of_a_room_are_enclosed() {
 #[test]
 fn a_sphere_is_open_on_the_side_its_fronts_look_to() {
     let shell = sphere(Vec3::ZERO, 1.0, 3);
-    let out = build(&scene(&[shell.clone()], false), &with_voxel(0.1)).unwrap();
+    let out = build(&scene(std::slice::from_ref(&shell), false), &with_voxel(0.1)).unwrap();
     let inward = build(&scene(&[flipped(&shell)], false), &with_voxel(0.1)).unwrap();
     let both = build(&scene(&[shell], true), &with_voxel(0.1)).unwrap();
     let (inside, outside) = (Vec3::ZERO, Vec3::splat(0.95));
