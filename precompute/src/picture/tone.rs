@@ -49,8 +49,8 @@ fn luminance(color: Vec3) -> f32 {
 ///
 /// Source: Reinhard et al. 2002, Photographic Tone Reproduction for Digital Images, Eq. (4).
 pub fn tone_curve(value: f32) -> f32 {
-    // max() also turns NaN into 0.
-    let value = value.max(0.0).min(WHITE);
+    // NaN is not above 0 either.
+    let value = if value > 0.0 { value.min(WHITE) } else { 0.0 };
     value * (1.0 + value / (WHITE * WHITE)) / (1.0 + value)
 }
 
