@@ -103,11 +103,9 @@ mod tests {
         let mut cut = joined;
         let uv = cut.uv_sets[1].clone();
         let first_new = cut.positions.len() as u32;
-        for vertex in 0..first_new as usize {
-            cut.positions.push(cut.positions[vertex]);
-            cut.normals.push(cut.normals[vertex]);
-            cut.uv_sets[1].push(uv[vertex] + 2.0);
-        }
+        cut.positions.extend_from_within(..);
+        cut.normals.extend_from_within(..);
+        cut.uv_sets[1].extend(uv.iter().map(|&uv| uv + 2.0));
         for triangle in &mut cut.triangles[2..] {
             *triangle = triangle.map(|vertex| vertex + first_new);
         }
