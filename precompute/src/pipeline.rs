@@ -199,7 +199,9 @@ fn layout(
     settings: &BakeSettings,
     progress: &Progress,
 ) -> Result<(Scene, LayoutReport), BakeError> {
-    let size = settings.texel.map_or(LayoutSize::Lightmap(settings.lightmap), LayoutSize::Texel);
+    let size = settings
+        .texel
+        .map_or(LayoutSize::Lightmap { texels: settings.lightmap, fill: settings.fill }, LayoutSize::Texel);
     let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
     let Err(reason) = unwrap::usable_layout(scene, size).map_err(unwrap_error)? else {
         return unwrap::ensure_layout(scene.clone(), settings.unwrap, size, &watch).map_err(unwrap_error);

@@ -50,6 +50,16 @@ pub struct BakeFlags {
           allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     lightmap: Option<u32>,
+    /// Most of the receiver map that surfaces may take, 0 to 1: more receivers cost time and bytes
+    #[arg(
+        long,
+        value_name = "SHARE",
+        help_heading = "Receivers",
+        conflicts_with = "texel",
+        allow_negative_numbers = true
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fill: Option<f32>,
     /// Receiver map by metres per texel instead of its size
     #[arg(long, value_name = "M", help_heading = "Receivers", allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -12,7 +12,7 @@ fn quiet(_: &str, _: usize, _: usize) -> bool {
 }
 
 fn laid_out(scene: Scene, texels: u32) -> Scene {
-    ensure_layout(scene, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(texels), &quiet).unwrap().0
+    ensure_layout(scene, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels, fill: 1.0 }, &quiet).unwrap().0
 }
 
 fn receivers(scene: &Scene, size: u32) -> ReceiverSet {
@@ -52,7 +52,7 @@ fn charts_are_two_texels_apart_and_no_two_faces_share_a_texel() {
             }
         }
         // The check for overlap accepts what the unwrap made.
-        assert_eq!(usable_layout(&after, LayoutSize::Lightmap(texels)).unwrap(), Ok(texels));
+        assert_eq!(usable_layout(&after, LayoutSize::Lightmap { texels, fill: 1.0 }).unwrap(), Ok(texels));
         // Faces are the same ones in the same order.
         for (mesh, triangle) in before.faces() {
             assert_eq!(before.corners(mesh, triangle), after.corners(mesh, triangle));
@@ -84,7 +84,8 @@ fn a_layout_of_the_scene_is_kept_where_it_can_be_used() {
     let right = with_uv(plane("right", Vec3::Y, Vec3::X, Vec3::Z, 4, 4), |p| Vec2::new(p.x * 0.45 + 0.5, p.z * 0.9));
     let kept = scene(vec![left.clone(), right.clone()]);
     let (after, report) =
-        ensure_layout(kept.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet).unwrap();
+        ensure_layout(kept.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet)
+            .unwrap();
     assert!(report.kept && report.size == 64 && report.charts == 2);
     assert_eq!(after.meshes[1].uv_sets, kept.meshes[1].uv_sets);
     // 2 m^2 on 0.81 of the map: a texel of 1 cm takes 157.1 texels a side.
@@ -93,7 +94,9 @@ fn a_layout_of_the_scene_is_kept_where_it_can_be_used() {
 
     let refused = |mesh: Mesh| {
         let broken = scene(vec![left.clone(), mesh]);
-        let (_, report) = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet).unwrap();
+        let (_, report) =
+            ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet)
+                .unwrap();
         assert!(!report.kept);
         report.reason.unwrap()
     };
@@ -150,21 +153,21 @@ fn sizes_that_cannot_work_are_refused_before_any_work() {
         assert!(matches!(ask(LayoutSize::Texel(texel_m)), UnwrapError::BadTexel { .. }));
     }
     for texels in [0, 15, 8193] {
-        assert!(matches!(ask(LayoutSize::Lightmap(texels)), UnwrapError::SizeOutOfRange { .. }));
+        assert!(matches!(ask(LayoutSize::Lightmap { texels, fill: 1.0 }), UnwrapError::SizeOutOfRange { .. }));
     }
     let stop = |_: &str, _: usize, _: usize| false;
-    let stopped = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &stop);
+    let stopped = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &stop);
     assert!(matches!(stopped, Err(UnwrapError::Cancelled)));
     // 1600 separate quads take at least 9 texels each.
     let quads: Vec<Mesh> = (0..1600)
         .map(|i| plane("", Vec3::new((i % 40) as f32, 0.0, (i / 40) as f32), Vec3::X * 0.5, Vec3::Z * 0.5, 1, 1))
         .collect();
     let quads = scene(vec![merged("quads", &quads)]);
-    let full = ensure_layout(quads, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet);
+    let full = ensure_layout(quads, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet);
     assert!(matches!(full, Err(UnwrapError::TooManyCharts { .. })));
     let mut broken = room();
     broken.meshes[1].positions[0].x = f32::NAN;
-    let broken = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(64), &quiet);
+    let broken = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet);
     assert!(matches!(broken, Err(UnwrapError::NotFinite { vertex: 0, .. })));
 }
 
@@ -309,7 +312,9 @@ fn seams_join_the_two_sides_of_a_smooth_surface_and_no_others() {
     let ball = sphere("ball", Vec3::new(5.0, 0.0, 0.0), 1.0, 16);
     let block = cuboid("block", Vec3::ZERO, Vec3::ONE);
     let after = laid_out(scene(vec![ball, block]), 256);
-    let (_, report) = ensure_layout(after.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap(256), &quiet).unwrap();
+    let (_, report) =
+        ensure_layout(after.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 256, fill: 1.0 }, &quiet)
+            .unwrap();
     let set = receivers(&after, 256);
     assert!(set.seams.len() > 100, "{} seams", set.seams.len());
     assert!(set.seams.is_sorted() && set.seams.windows(2).all(|pair| pair[0] != pair[1]));

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 pub const FLAG_LAYER: &str = "command line";
 
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 21] = [
+const KEYS: [&str; 22] = [
     "spacing",
     "probes",
     "voxel",
@@ -19,6 +19,7 @@ const KEYS: [&str; 21] = [
     "receiver_degree",
     "sky_degree",
     "lightmap",
+    "fill",
     "texel",
     "direct_map",
     "gather_rays",

@@ -35,9 +35,7 @@ impl Preset {
             Self::Preview => {
                 BakeSettings { lightmap: 512, direct_map: 1024, gather_rays: 256, relight_rays: 2000, ..production }
             }
-            Self::Medium => {
-                BakeSettings { lightmap: 768, direct_map: 1536, gather_rays: 512, relight_rays: 4000, ..production }
-            }
+            Self::Medium => BakeSettings { lightmap: 768, gather_rays: 512, relight_rays: 4000, ..production },
             Self::Production => production,
         }
     }

@@ -36,8 +36,11 @@ impl BakeSettings {
         whole("receiver_degree", self.receiver_degree.into(), 0, 1)?;
         whole("sky_degree", self.sky_degree.into(), 0, 10)?;
         whole("lightmap", self.lightmap.into(), 8, 16_384)?;
+        real("fill", self.fill, 0.01, 1.0)?;
         positive("texel", self.texel, length)?;
-        whole("direct_map", self.direct_map.into(), 8, 16_384)?;
+        if !(8..=16_384).contains(&self.direct_map) || !self.direct_map.is_power_of_two() {
+            return Err(out_of_range("direct_map", &self.direct_map.to_string(), "a power of two from 8 to 16384"));
+        }
         whole("gather_rays", self.gather_rays.into(), 1, 1 << 20)?;
         whole("relight_rays", self.relight_rays.into(), 1, 1 << 20)?;
         whole("leaf", self.leaf.into(), 2, 1 << 16)?;

@@ -53,7 +53,7 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
         return Ok(Err(format!("TEXCOORD_1 has no area for {share:.1} % of the surface")));
     }
     let texels = match size {
-        LayoutSize::Lightmap(texels) => texels,
+        LayoutSize::Lightmap { texels, .. } => texels,
         LayoutSize::Texel(texel_m) => {
             let needed = (surface_m2 / on_map.max(f64::MIN_POSITIVE)).sqrt() / f64::from(texel_m);
             if needed > f64::from(MAX_SIZE) {

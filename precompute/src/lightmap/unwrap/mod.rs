@@ -29,8 +29,14 @@ const PADDING: u32 = 1;
 /// How fine a layout is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LayoutSize {
-    /// Texels per side of the receiver map; texels as small as fit.
-    Lightmap(u32),
+    /// Texels per side of the receiver map, and the most of it that surfaces may take, 0..=1; texels as small as fit
+    /// that.
+    Lightmap {
+        /// Texels per side.
+        texels: u32,
+        /// Largest share of the map.
+        fill: f32,
+    },
     /// Edge of a texel on the surface, metres; the map is the smallest multiple of 4 that holds the charts.
     Texel(f32),
 }
@@ -116,14 +122,22 @@ pub fn unwrap_with(
 ) -> Result<(Scene, LayoutReport), UnwrapError> {
     check_size(&scene, size)?;
     let (pieces, kept) = pieces::cut(&scene)?;
-    let packing = match size {
-        LayoutSize::Lightmap(texels) => Packing::Fit(texels),
-        LayoutSize::Texel(texel_m) => Packing::Density(1.0 / texel_m),
+    let unwrapped = match size {
+        LayoutSize::Lightmap { texels, fill } => {
+            let side_m = area_m2(&scene).sqrt();
+            let filling =
+                backend.unwrap(&pieces, Packing::Density(fill.sqrt() * texels as f32 / side_m as f32), progress)?;
+            if filling.extent[0].max(filling.extent[1]) <= texels {
+                filling
+            } else {
+                backend.unwrap(&pieces, Packing::Fit(texels), progress)?
+            }
+        }
+        LayoutSize::Texel(texel_m) => backend.unwrap(&pieces, Packing::Density(1.0 / texel_m), progress)?,
     };
-    let unwrapped = backend.unwrap(&pieces, packing, progress)?;
     let needed = unwrapped.extent[0].max(unwrapped.extent[1]).max(MIN_SIZE).div_ceil(4) * 4;
     let texels = match size {
-        LayoutSize::Lightmap(texels) => texels,
+        LayoutSize::Lightmap { texels, .. } => texels,
         LayoutSize::Texel(texel_m) if needed > MAX_SIZE => {
             return Err(UnwrapError::texel_too_small(texel_m, needed.into()));
         }
@@ -137,7 +151,7 @@ pub fn unwrap_with(
 /// Refuses sizes that cannot work, before any work.
 fn check_size(scene: &Scene, size: LayoutSize) -> Result<(), UnwrapError> {
     match size {
-        LayoutSize::Lightmap(texels) if !(MIN_SIZE..=MAX_SIZE).contains(&texels) => {
+        LayoutSize::Lightmap { texels, .. } if !(MIN_SIZE..=MAX_SIZE).contains(&texels) => {
             Err(UnwrapError::SizeOutOfRange { texels })
         }
         LayoutSize::Texel(texel_m) if !(texel_m > 0.0 && texel_m.is_finite()) => Err(UnwrapError::BadTexel { texel_m }),
@@ -148,7 +162,7 @@ fn check_size(scene: &Scene, size: LayoutSize) -> Result<(), UnwrapError> {
             }
             Ok(())
         }
-        LayoutSize::Lightmap(_) => Ok(()),
+        LayoutSize::Lightmap { .. } => Ok(()),
     }
 }
 
