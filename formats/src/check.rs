@@ -106,6 +106,9 @@ fn check_metadata(metadata: &Metadata) -> Result<(), Violation> {
             return fail(rule, format!("metadata: {name} is {found}, allowed are {least} to {most}"));
         }
     }
+    if !metadata.direct_size.is_power_of_two() {
+        return fail(32, format!("metadata: direct_size is {}, not a power of two", metadata.direct_size));
+    }
     let [low, high] = metadata.bounds;
     for axis in 0..3 {
         if !(low[axis].is_finite() && high[axis].is_finite() && low[axis] <= high[axis]) {

@@ -313,6 +313,7 @@ fn metadata_rules_refuse() {
         assert_eq!(invariant(|arrays| arrays.metadata.sky_degree = degree), 31);
     }
     assert_eq!(invariant(|arrays| arrays.metadata.receiver_degree = 2), 31);
+    assert_eq!(invariant(|arrays| arrays.metadata.direct_size = 12), 32);
     for size in [0, 16385, u32::MAX] {
         assert_eq!(invariant(|arrays| arrays.metadata.lightmap_size = size), 32);
         assert_eq!(invariant(|arrays| arrays.metadata.direct_size = size), 32);

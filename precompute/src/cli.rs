@@ -165,10 +165,10 @@ pub struct View {
     /// Brightness: radiance times 2^EV [default: from the picture]
     #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f32>,
-    /// Show light alone: every surface as if it had this albedo
+    /// Show light alone: surfaces in the picture reflect this share of it; the light itself stays as it is
     #[arg(long, value_name = "ALBEDO", requires = "picture", num_args = 0..=1, default_missing_value = "0.5",
           value_parser = parse_share)]
-    pub grey: Option<f32>,
+    pub albedo_override: Option<f32>,
 }
 
 /// What computes a lighting state.

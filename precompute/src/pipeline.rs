@@ -106,7 +106,11 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     let probe_basis = sh::Basis::new(settings.probe_degree);
     let rays = {
         let _stage = progress.stage("relight rays", 0);
-        let direct = texels::cover(&scene, &atlas, settings.direct_map);
+        let mut has_receiver = vec![false; layout.size as usize * layout.size as usize];
+        for &texel in &receivers.texel {
+            has_receiver[texel as usize] = true;
+        }
+        let direct = texels::cover_visible(&scene, &atlas, settings.direct_map, layout.size, &has_receiver);
         relight_rays::trace(&caster, &atlas, &direct, &probes.positions, settings.relight_rays, &probe_basis)
     };
     progress.check()?;
@@ -163,7 +167,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     report.gather_rays = traced.gather;
     report.visibility_rays = traced.visibility;
     fill_results(&mut report, &receivers, &probes, &support, &clusters);
-    let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, &clusters);
+    let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, clusters)?;
     report.bytes = Bytes {
         projection: 2 * arrays.projection.len() as u64,
         reconstruction: 2 * arrays.reconstruction.len() as u64,
@@ -214,6 +218,9 @@ fn layout(
 }
 
 /// Arrays of the file: receivers in cluster order.
+///
+/// # Errors
+/// More values than 32-bit offsets reach.
 fn assemble(
     scene: &Scene,
     settings: &BakeSettings,
@@ -221,9 +228,19 @@ fn assemble(
     receivers: &ReceiverSet,
     probes: &ProbeSet,
     rays: RelightRays,
-    clusters: &[Cluster],
-) -> BakedArrays {
+    clusters: Vec<Cluster>,
+) -> Result<BakedArrays, BakeError> {
     let n_k = sh::function_count(settings.receiver_degree);
+    let values: usize =
+        clusters.iter().map(|cluster| cluster.rows.projection.len() + cluster.rows.reconstruction.len()).sum();
+    if u32::try_from(values / 2 + 2 * clusters.len()).is_err() {
+        return Err(BakeError::Limit {
+            what: "the cluster matrices".into(),
+            needed: format!("{} GB", values / 500_000_000),
+            allowed: "17 GB".into(),
+            remedy: "use fewer receivers (--fill, --lightmap, --texel), a lower degree or a larger --threshold".into(),
+        });
+    }
     let mut arrays = BakedArrays {
         probes: probes
             .positions
@@ -289,7 +306,7 @@ fn assemble(
         bounds: [low.to_array(), high.to_array()],
         options: settings.to_toml(),
     };
-    arrays
+    Ok(arrays)
 }
 
 /// Appends values and a zero if their number is odd, so that every block starts at a pair.

@@ -14,10 +14,20 @@ use rayon::prelude::*;
 
 /// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
 ///
-/// `size` is the file's `direct_size`. One shadow ray per texel and light that reaches it.
-pub fn surface_texels(caster: &RayCaster<'_>, atlas: &Atlas, lighting: &Lighting, size: u32) -> SurfaceTexels {
+/// One shadow ray per texel and light that reaches it. The texels are those that the bake's relight rays were made for.
+pub fn surface_texels(
+    caster: &RayCaster<'_>,
+    atlas: &Atlas,
+    lighting: &Lighting,
+    baked: &BakedView<'_>,
+) -> SurfaceTexels {
     let scene = caster.scene();
-    let TexelMap { texels, .. } = texels::cover(scene, atlas, size);
+    let (size, receiver_size) = (baked.metadata.direct_size, baked.metadata.lightmap_size);
+    let mut has_receiver = vec![false; receiver_size as usize * receiver_size as usize];
+    for &texel in baked.receiver_texel {
+        has_receiver[texel as usize] = true;
+    }
+    let TexelMap { texels, .. } = texels::cover_visible(scene, atlas, size, receiver_size, &has_receiver);
     let shading = SurfaceShading::new(scene, lighting);
     let values: Vec<(Vec3, Vec3, Vec3)> = texels
         .par_iter()

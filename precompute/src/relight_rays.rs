@@ -10,7 +10,12 @@ use crate::{
     rays::{FacePoint, RayCaster},
 };
 use glam::{Vec2, Vec3};
-use localprt_formats::{LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, directions::spherical_fibonacci, sh};
+use localprt_formats::{
+    LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL,
+    directions::spherical_fibonacci,
+    quantize::{pack_uv, unpack_uv},
+    sh,
+};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -122,7 +127,8 @@ fn lookup(
 ) -> (u32, u8) {
     let face = point.face.0 as usize;
     let [a, b, c] = atlas.corners[face];
-    let mut uv = a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z;
+    // As stored, so that the checks see what the lookup will.
+    let mut uv = stored(a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z);
     let chart = atlas.chart[face];
     if !charts.is_pure(uv, 0, chart) {
         let Some(nearest) = charts.nearest(uv, chart) else {
@@ -142,13 +148,11 @@ fn lookup(
     while level > 0 && !charts.is_pure(uv, level, chart) {
         level -= 1;
     }
-    (pack_uv(uv), level as u8)
+    (pack_uv(uv.to_array()), level as u8)
 }
 
-/// Two unorm16, u in the low half; off by at most 2^-17 of the map, 1/64 texel at 2048.
-fn pack_uv(uv: Vec2) -> u32 {
-    let [u, v] = uv.clamp(Vec2::ZERO, Vec2::ONE).to_array().map(|value| (value * 65535.0).round() as u32);
-    u | (v << 16)
+fn stored(uv: Vec2) -> Vec2 {
+    unpack_uv(pack_uv(uv.to_array())).into()
 }
 
 /// Which chart the texels of each mip level belong to.
@@ -194,8 +198,13 @@ impl ChartPyramid {
         // Level sizes round up, so a texel of level l spans 2^l texels of level 0 exactly.
         let at = uv * self.size as f32 / (1u32 << level) as f32 - 0.5;
         let base = at.floor();
+        let fraction = at - base;
         let mut found = false;
         for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = |step: i64, fraction: f32| if step == 0 { 1.0 - fraction } else { fraction };
+            if weight(dx, fraction.x) * weight(dy, fraction.y) == 0.0 {
+                continue;
+            }
             let x = (base.x as i64 + dx).clamp(0, i64::from(*size) - 1) as usize;
             let y = (base.y as i64 + dy).clamp(0, i64::from(*size) - 1) as usize;
             match charts[y * *size as usize + x] {
@@ -207,7 +216,7 @@ impl ChartPyramid {
         found
     }
 
-    /// Centre of the nearest texel of a chart within four texels.
+    /// Center of the nearest texel of a chart within four texels whose lookup is pure, as stored.
     fn nearest(&self, uv: Vec2, chart: u32) -> Option<Vec2> {
         let (size, charts) = &self.levels[0];
         let size = i64::from(*size);
@@ -219,12 +228,13 @@ impl ChartPyramid {
                 if charts[(y * size + x) as usize] == chart {
                     let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                     let distance = center.distance_squared(at);
-                    if nearest.is_none_or(|(held, _)| distance < held) {
+                    let center = stored(center / self.size as f32);
+                    if nearest.is_none_or(|(held, _)| distance < held) && self.is_pure(center, 0, chart) {
                         nearest = Some((distance, center));
                     }
                 }
             }
         }
-        nearest.map(|(_, center)| center / self.size as f32)
+        nearest.map(|(_, center)| center)
     }
 }

@@ -39,7 +39,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings) -> BakeOutput {
 pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<Vec3> {
     let caster = RayCaster::new(&baked.scene).expect("tree");
     let view = baked.arrays.view();
-    let surface = relight::surface_texels(&caster, &Atlas::of(&baked.scene), lighting, view.metadata.direct_size);
+    let surface = relight::surface_texels(&caster, &Atlas::of(&baked.scene), lighting, &view);
     let sky = relight::sky_inputs(&lighting.sky, &view);
     let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");

@@ -82,7 +82,7 @@ pub struct Sizes {
 pub fn arrays(sizes: &Sizes) -> BakedArrays {
     let Sizes { seed, n_probes, n_rays, .. } = *sizes;
     let n_receivers: u32 = sizes.cluster_receivers.iter().sum();
-    let direct_size = 1 + counter_hash(seed, 1, 0) as u32 % 64;
+    let direct_size = 1 << (counter_hash(seed, 1, 0) as u32 % 7);
     let metadata = Metadata {
         tool_version: "0.1.0".into(),
         scene_path: "../scenes/hall \u{fc}.glb".into(),

@@ -21,7 +21,7 @@ const EVENING: &str = r#"{
 }
 "#;
 
-const PLAIN_VIEW: View = View { camera: None, size: Some((800, 800)), exposure: None, grey: None };
+const PLAIN_VIEW: View = View { camera: None, size: Some((800, 800)), exposure: None, albedo_override: None };
 
 /// Runs the subcommand.
 pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
@@ -42,13 +42,13 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     let states = [
         ("cornell.png", "point light, all bounces", None, 8, None),
         ("cornell-direct.png", "the same light, no bounces", None, 0, None),
-        ("cornell-grey.png", "the same light on grey surfaces", None, 8, Some(0.5)),
+        ("cornell-light.png", "the same light alone, on surfaces of albedo 0.5", None, 8, Some(0.5)),
         ("evening.png", "another light and a sky, same bake: evening.json", Some(&evening_path), 8, None),
     ];
-    for (name, what, lights, bounces, grey) in states {
+    for (name, what, lights, bounces, albedo_override) in states {
         let lighting = inputs::lighting(lights.map(|path| path.as_path()), &scene)?;
         let relit = light(baked.view(), &caster, &lighting, bounces, progress)?;
-        let picture = take_picture(&caster, &lighting, &relit, &View { grey, ..PLAIN_VIEW }, progress)?;
+        let picture = take_picture(&caster, &lighting, &relit, &View { albedo_override, ..PLAIN_VIEW }, progress)?;
         let look = if lights.is_some() { Exposure::Auto } else { exposure };
         let ev = write_picture(&folder.join(name), &picture, look)?;
         if exposure == Exposure::Auto {

@@ -84,7 +84,7 @@ pub fn light(
     };
     let stage = progress.stage("direct light", 0);
     let atlas = Atlas::of(caster.scene());
-    let surface = surface_texels(caster, &atlas, lighting, view.metadata.direct_size);
+    let surface = surface_texels(caster, &atlas, lighting, &view);
     let sky = sky_inputs(&lighting.sky, &view);
     drop(stage);
     progress.check()?;
@@ -138,7 +138,7 @@ pub fn take_picture(
     if let Some((width, height)) = view.size {
         size = PictureSize { width, height, ..size };
     }
-    let surfaces = Surfaces::new(caster.scene(), lighting, view.grey);
+    let surfaces = Surfaces::new(caster.scene(), lighting, view.albedo_override);
     let radiance = |hit: &SurfaceHit| {
         surfaces.radiance(
             hit,

@@ -19,6 +19,13 @@ pub struct CompressedRows {
 }
 
 impl CompressedRows {
+    /// Nothing kept: the rows are the error.
+    pub fn none(rows: &[f32], n_rows: usize, n_columns: usize) -> Self {
+        let row_error_squared =
+            if n_columns == 0 { vec![0.0; n_rows] } else { residual_by_row(rows, &[], &[], 0, n_columns) };
+        Self { row_error_squared, ..Self::default() }
+    }
+
     /// Root mean square over rows of the error of a row.
     pub fn rms(&self) -> f64 {
         (self.row_error_squared.iter().sum::<f64>() / self.row_error_squared.len().max(1) as f64).sqrt()

@@ -31,6 +31,21 @@ pub struct TruncatedSvd {
     pub norm_squared: f64,
 }
 
+impl TruncatedSvd {
+    /// Of a matrix without columns.
+    pub fn empty(n_rows: usize) -> Self {
+        Self {
+            n_rows,
+            n_columns: 0,
+            rank: 0,
+            u: Vec::new(),
+            p: Vec::new(),
+            sigma_squared: Vec::new(),
+            norm_squared: 0.0,
+        }
+    }
+}
+
 /// Decomposes a row-major matrix, keeping at most `rank` singular values.
 ///
 /// Signs: the entry of largest magnitude in each column of U is positive.

@@ -23,6 +23,24 @@ pub fn cover(scene: &Scene, atlas: &Atlas, size: u32) -> TexelMap {
     TexelMap { size, texels: texels.into_iter().flatten().collect() }
 }
 
+/// Texels of the direct light map that can send light: those of [`cover`] but for the holes of alpha masks and for texels
+/// inside or behind geometry, which no receiver of the receiver map lies in.
+///
+/// `has_receiver` is `[receiver_size * receiver_size]`. Dark texels under a crate would darken the mips beside it.
+pub fn cover_visible(scene: &Scene, atlas: &Atlas, size: u32, receiver_size: u32, has_receiver: &[bool]) -> TexelMap {
+    let mut map = cover(scene, atlas, size);
+    let at_receiver_size = |texel: u32| {
+        let center = u64::from(2 * texel + 1) * u64::from(receiver_size) / u64::from(2 * size);
+        center.min(u64::from(receiver_size) - 1) as usize
+    };
+    map.texels.retain(|texel| {
+        let (x, y) = (at_receiver_size(texel.index % size), at_receiver_size(texel.index / size));
+        has_receiver[y * receiver_size as usize + x]
+            && scene.is_present(texel.mesh as usize, texel.triangle as usize, texel.barycentrics)
+    });
+    map
+}
+
 /// For each band of [`BAND`] rows the faces that touch it, by rising number.
 fn bands(atlas: &Atlas, size: u32) -> Vec<Vec<u32>> {
     let mut bands = vec![Vec::new(); size.div_ceil(BAND) as usize];

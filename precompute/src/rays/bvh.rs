@@ -125,10 +125,7 @@ impl Tree {
             let triangle = &self.triangles[id];
             match shear.intersect(triangle, ray.tmax / self.scale) {
                 Some(hit) if !triangle.masked || confirm(&hit) => {
-                    // Equal distances: the smaller index, so that the answer does not depend on the tree.
-                    if nearest.is_none_or(|held| (hit.t, hit.triangle) < (held.t, held.triangle)) {
-                        nearest = Some(hit);
-                    }
+                    nearest = Some(hit);
                     hit.t * self.scale
                 }
                 _ => f32::INFINITY,
@@ -310,8 +307,14 @@ mod tests {
                     hit.is_some_and(|hit| (hit.t - distance).abs() <= 6e-8 * scale),
                     "{scale}, {distance}: {hit:?}"
                 );
-                assert!(!tree.is_clear(origin, Vec3::NEG_Z, 0.5 * scale, |_| true), "{scale}, {distance}");
-                assert!(tree.is_clear(origin, Vec3::Z, f32::INFINITY, |_| true), "{scale}, {distance}");
+                assert!(
+                    tree.occluder(origin, Vec3::NEG_Z, 0.5 * scale, u32::MAX, |_| true).is_some(),
+                    "{scale}, {distance}"
+                );
+                assert!(
+                    tree.occluder(origin, Vec3::Z, f32::INFINITY, u32::MAX, |_| true).is_none(),
+                    "{scale}, {distance}"
+                );
             }
         }
     }

@@ -193,11 +193,13 @@ impl Side {
     }
 }
 
-/// An orthonormal frame about a unit normal: `(tangent, bitangent)`. Continuous except at z = 0 crossing the sign.
+/// An orthonormal frame about a unit normal: `(tangent, bitangent)`.
 ///
-/// Source: Duff et al. 2017, Building an Orthonormal Basis, Revisited.
+/// Jumps only at z = -0.5, where no axis-aligned surface lies: normals that differ by rounding get the same frame.
+///
+/// Source: Duff et al. 2017, Building an Orthonormal Basis, Revisited, which jumps at z = 0.
 pub fn frame(normal: Vec3) -> (Vec3, Vec3) {
-    let sign = 1.0f32.copysign(normal.z);
+    let sign = if normal.z < -0.5 { -1.0 } else { 1.0f32 };
     let a = -1.0 / (sign + normal.z);
     let b = normal.x * normal.y * a;
     (

@@ -43,9 +43,12 @@ impl BakeSettings {
         }
         whole("gather_rays", self.gather_rays.into(), 1, 1 << 20)?;
         whole("relight_rays", self.relight_rays.into(), 1, 1 << 20)?;
-        whole("leaf", self.leaf.into(), 2, 1 << 16)?;
-        real("threshold", self.threshold, 0.0, 1.0)?;
-        whole("coefficients", self.coefficients.into(), 1, 255)?;
+        whole("leaf", self.leaf.into(), 2, 8192)?;
+        // Below, rounding to f16 alone is more.
+        real("threshold", self.threshold, 0.001, 1.0)?;
+        // A cluster of one receiver must be able to keep all its rows.
+        let least = (u64::from(self.receiver_degree) + 1).pow(2);
+        whole("coefficients", self.coefficients.into(), least, 255)?;
         // A TOML integer is an i64.
         whole("seed", self.seed, 0, i64::MAX as u64)?;
         real("max_unseen", self.max_unseen.unwrap_or(0.0), 0.0, 1.0)

@@ -16,9 +16,8 @@ const LANES: usize = 8;
 /// Sets `probe_radiance[probe * n_sh + j] = sum over rays of ray_sh[ray][j] * radiance(probe, ray)`, RGB.
 ///
 /// A ray with level l reads level l of `light_map` bilinearly at its uv: texel centres at `(i + 0.5) / size_l`, clamped
-/// at the border, taps weighted by coverage. If none of its taps is covered it reads the next coarser level, and is
-/// black if even the last one has no coverage; a level beyond the last reads the last. Rays that leave the scene read
-/// `sky_rays[ray]`, W sr^-1 m^-2, or are black if `sky_rays` is empty; rays that hit something without light are black.
+/// at the border, taps weighted by coverage. It is black if none of its taps is covered; a level beyond the last reads
+/// the last. Rays that leave the scene read `sky_rays[ray]`, W sr^-1 m^-2, or are black if `sky_rays` is empty; rays that hit something without light are black.
 ///
 /// # Panics
 /// If `light_map` has no level, or `sky_rays` (unless empty) or `probe_radiance` do not have the lengths of the file.
@@ -57,9 +56,8 @@ pub fn probe_relight(
 }
 
 fn read_light_map(light_map: &[CoverageMap], level: u8, packed_uv: u32) -> Vec3 {
-    let first = usize::from(level).min(light_map.len() - 1);
-    let uv = unpack_uv(packed_uv);
-    light_map[first..].iter().find_map(|map| map.sample(uv)).unwrap_or(Vec3::ZERO)
+    let level = usize::from(level).min(light_map.len() - 1);
+    light_map[level].sample(unpack_uv(packed_uv)).unwrap_or(Vec3::ZERO)
 }
 
 /// Two unorm16: u low, v high.
