@@ -142,7 +142,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
                 progress.check()?;
                 let rows = transport.rows(members);
                 let rays = rows.rays;
-                let clusters = refine(members, rows, &refining);
+                let clusters = refine(members, &receivers.position, rows, &refining);
                 stage.inc(members.len() as u64);
                 Ok(LeafResult { clusters, rays })
             })

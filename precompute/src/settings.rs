@@ -44,7 +44,7 @@ pub struct BakeSettings {
     /// Receiver map, texels per side; ignored with `texel`.
     pub lightmap: u32,
     /// Most of the receiver map that surfaces may take, 0..=1: a fuller map has finer texels and more receivers, which
-    /// cost time and bytes. The paper has 17 % in Sponza, 48 % at most. Ignored with `texel` and where the scene's own
+    /// cost time and bytes. The paper.s maps are 17 to 48 % full. Ignored with `texel` and where the scene's own
     /// TEXCOORD_1 is kept.
     pub fill: f32,
     /// Metres per texel of the receiver map instead of its size.
@@ -96,7 +96,7 @@ impl Default for BakeSettings {
             receiver_degree: 0,
             sky_degree: 4,
             lightmap: 1024,
-            fill: 0.17,
+            fill: 0.13,
             texel: None,
             direct_map: 2048,
             gather_rays: 1024,

@@ -2,6 +2,8 @@
 
 mod leaves;
 mod refine;
+#[cfg(test)]
+mod tests;
 
 pub use leaves::leaves;
 pub use refine::{RefineSettings, refine};
