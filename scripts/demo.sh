@@ -5,6 +5,6 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 scripts/setup.sh
-cargo build --release --workspace
+cargo build --release --workspace --bins
 target=${CARGO_TARGET_DIR:-target}
 exec "$target/release/precompute" demo -o "${1:-localprt-demo}"

@@ -18,6 +18,7 @@ pub fn small_settings() -> BakeSettings {
     BakeSettings {
         probes: Some(16),
         lightmap: 48,
+        fill: 1.0,
         direct_map: 128,
         gather_rays: 256,
         relight_rays: 2000,

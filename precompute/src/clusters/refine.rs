@@ -287,6 +287,9 @@ impl Part {
 
     /// Leaves out probes, and the sky, whose columns are zero for all members.
     fn without_empty_columns(self, settings: &RefineSettings) -> Self {
+        if self.n_columns == 0 {
+            return self;
+        }
         let n_sh = settings.n_sh;
         let blocks = self.probes.len();
         let mut used = vec![false; blocks + 1];

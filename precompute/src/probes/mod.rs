@@ -200,7 +200,11 @@ pub fn place(
     let budget = (f64::from(settings.repair) * target as f64) as usize;
     let exact = settings.probes.is_some();
     let thinned = reduce(&found.positions, target, kernel_m);
-    let plain = placement(&found.positions, &thinned.kept, receivers, settings)?;
+    let sees = |receiver: usize, probe: Vec3| {
+        let (position, normal) = (receivers[receiver], normals[receiver]);
+        normal.dot(probe - position) > caster.offset_m() && caster.visible(position + normal * caster.offset_m(), probe)
+    };
+    let plain = placement(&found.positions, &thinned.kept, receivers, &sees, settings)?;
 
     let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
     let unseen_before = coverage.unseen_share(&plain.0, &plain.1);
@@ -219,14 +223,15 @@ pub fn place(
     // An explicit count makes room for the repair first.
     let room = if exact { budget.min(target - 1) } else { 0 };
     let reduced = if room > 0 { thinned.further(&found.positions, target - room, kernel_m) } else { thinned };
-    let start = if room > 0 { placement(&found.positions, &reduced.kept, receivers, settings)? } else { plain.clone() };
+    let start =
+        if room > 0 { placement(&found.positions, &reduced.kept, receivers, &sees, settings)? } else { plain.clone() };
     let budget = if exact { room } else { budget };
     let added = coverage.repair(&start.0, &start.1, receivers, &found.positions, &reduced.removed, budget);
     let mut best = plain;
     if !added.is_empty() {
         let repaired = reduced.with(&added);
         let total = if exact { target } else { repaired.kept.len() };
-        let trial = placement(&found.positions, &repaired.padded(total), receivers, settings)?;
+        let trial = placement(&found.positions, &repaired.padded(total), receivers, &sees, settings)?;
         let unseen = coverage.unseen_share(&trial.0, &trial.1);
         if unseen < unseen_before {
             report.unseen_after = unseen;
@@ -244,10 +249,11 @@ fn placement(
     candidates: &[Vec3],
     chosen: &[u32],
     receivers: &[Vec3],
+    sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
     settings: &BakeSettings,
 ) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
     let positions: Vec<Vec3> = chosen.iter().map(|&index| candidates[index as usize]).collect();
-    support(receivers, &positions, settings)
+    support(receivers, &positions, sees, settings)
 }
 
 fn check(settings: &BakeSettings) -> Result<(), PlacementError> {

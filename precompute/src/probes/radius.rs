@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 /// A radius found from a distance exceeds it by this factor, so that the weight there is not quite 0 (ANCHORS 4.4).
 const BEYOND: f32 = 1.05;
+/// How far probes that a receiver sees are looked for, times the distance to the probe that completes its overlap.
+const REACH: f32 = 1.5;
 /// Overlap by which the mean may miss the asked-for one before the search stops early.
 const CLOSE_ENOUGH: f64 = 0.01;
 /// Halvings of the radius's bracket; below an f32 rounding after about 24.
@@ -25,10 +27,13 @@ pub struct Overlap {
 
 /// Finds the support radius and every receiver's supporting probes.
 ///
-/// `receivers` and `probes` are positions in metres. The radius r is such that `settings.overlap` probes are nearer
+/// `receivers` and `probes` are positions in metres; `sees` tells whether a receiver, by index, and a probe see each other.
+/// The radius r is such that `settings.overlap` probes are nearer
 /// than it to a receiver, on average over receivers and with the minimum rule counted: a receiver with fewer than
-/// `settings.min_overlap` probes within r uses 1.05 times the distance to that many. With no more probes than the
-/// overlap asked for, r holds all of them for every receiver.
+/// `settings.min_overlap` probes within r uses 1.05 times the distance to that many, and so does one that sees none of the
+/// probes within r, with the distance to the nearest that it sees: the nearest probes of a corner may all stand behind its
+/// walls, and would leave it black. Such a probe is looked for up to [`REACH`] times the distance that completes the
+/// overlap. With no more probes than the overlap asked for, r holds all of them for every receiver.
 ///
 /// # Errors
 ///
@@ -36,6 +41,7 @@ pub struct Overlap {
 pub fn support(
     receivers: &[Vec3],
     probes: &[Vec3],
+    sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
     settings: &BakeSettings,
 ) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
     if receivers.is_empty() {
@@ -45,13 +51,19 @@ pub fn support(
     let nearest = (settings.min_overlap as usize).min(probes.len());
     let typical = (asked.ceil() as usize).clamp(1, probes.len().max(1));
     let grid = PointGrid::new(probes, typical_spacing(probes));
-    // Of each receiver: least radius by the minimum rule, and distance to the probe that completes the overlap.
+    // Of each receiver: least radius by these rules, and distance to the probe that completes the overlap.
     let (least_m, typical_m): (Vec<f32>, Vec<f32>) = receivers
         .par_iter()
-        .map_init(Vec::new, |distances, &receiver| {
+        .enumerate()
+        .map_init(Vec::new, |distances, (index, &receiver)| {
             grid.nearest(receiver, nearest.max(typical), distances);
             let at = |rank: usize| rank.checked_sub(1).and_then(|rank| distances.get(rank)).copied().unwrap_or(0.0);
-            (BEYOND * at(nearest), at(typical))
+            let mut around: Vec<(f32, u32)> = Vec::new();
+            grid.for_each_within(receiver, REACH * at(typical), |id, distance| around.push((distance, id)));
+            around.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let mut seen = around.iter().filter(|(_, id)| sees(index, probes[*id as usize]));
+            let seen_m = seen.next().map_or(0.0, |&(distance, _)| distance);
+            (BEYOND * at(nearest).max(seen_m), at(typical))
         })
         .unzip();
     let links = Links { grid: &grid, receivers, least_m: &least_m };

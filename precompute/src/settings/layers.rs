@@ -267,9 +267,9 @@ mod tests {
         assert!(refused("quality = 3", "").contains("--print-config"));
         assert!(refused("gather_rays = 'many'", "").starts_with("c.toml: option `gather_rays`: invalid type"));
         let text = refused("leaf = 0", "");
-        assert!(text.starts_with("c.toml: leaf = 0 is out of range; allowed: 2 to 65536 /"), "{text}");
+        assert!(text.starts_with("c.toml: leaf = 0 is out of range; allowed: 2 to 8192 /"), "{text}");
         let text = refused("", "leaf = 1");
-        assert!(text.starts_with("--leaf 1 is out of range; allowed: 2 to 65536"), "{text}");
+        assert!(text.starts_with("--leaf 1 is out of range; allowed: 2 to 8192"), "{text}");
         assert!(refused("seed = 1\nleaf = = 2", "").contains("(line 2, column 8)"));
     }
 }

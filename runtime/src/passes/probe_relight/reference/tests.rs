@@ -133,9 +133,7 @@ fn plain_relight(arrays: &BakedArrays, light_map: &[CoverageMap], sky: &[Vec3]) 
         let radiance = match level {
             LEVEL_SKY => sky[ray].to_array().map(f64::from),
             LEVEL_BLACK => [0.0; 3],
-            _ => (usize::from(level)..light_map.len())
-                .find_map(|level| plain_read(&light_map[level], uv))
-                .unwrap_or([0.0; 3]),
+            _ => plain_read(&light_map[usize::from(level)], uv).unwrap_or([0.0; 3]),
         };
         for j in 0..n_sh {
             let weight = f64::from(arrays.ray_sh[ray * n_sh + j]);
