@@ -28,7 +28,7 @@ fn load_glb(root: &Value, bin: &[u8]) -> Result<Scene, LoadError> {
 /// The error of a scene that must be refused as invalid at this place.
 #[track_caller]
 fn assert_invalid(result: Result<Scene, LoadError>, place: &str) {
-    let error = result.err().expect("the scene must be refused");
+    let error = result.expect_err("the scene must be refused");
     assert_eq!(error.kind(), LoadErrorKind::Invalid, "{error}");
     assert!(error.to_string().contains(&format!("at {place}:")), "{error} does not name {place}");
 }

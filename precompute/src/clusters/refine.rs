@@ -64,6 +64,9 @@ struct Node {
     halves: Option<[usize; 2]>,
 }
 
+/// Index of a node and which of its halves; `None` is the root.
+type Place = Option<(usize, usize)>;
+
 /// What is kept of a subtree at some price.
 #[derive(Clone, Copy, Debug, Default)]
 struct Choice {
@@ -106,7 +109,8 @@ pub fn refine(members: &[u32], positions: &[Vec3], rows: TransportRows, settings
 fn grow(whole: Part, positions: &[Vec3], n_k: usize, settings: &RefineSettings) -> Vec<Node> {
     let mut tree: Vec<Node> = Vec::new();
     let svd = whole.decompose(n_k, settings);
-    let mut open: Vec<(Part, TruncatedSvd, Option<(usize, usize)>)> = vec![(whole, svd, None)];
+    // Node and half that each belongs to.
+    let mut open: Vec<(Part, TruncatedSvd, Place)> = vec![(whole, svd, None)];
     while let Some((part, svd, place)) = open.pop() {
         let index = tree.len();
         if let Some((parent, half)) = place {

@@ -32,7 +32,7 @@ pub struct Overlap {
 /// than it to a receiver, on average over receivers and with the minimum rule counted: a receiver with fewer than
 /// `settings.min_overlap` probes within r uses 1.05 times the distance to that many, and so does one that sees none of the
 /// probes within r, with the distance to the nearest that it sees: the nearest probes of a corner may all stand behind its
-/// walls, and would leave it black. Such a probe is looked for up to [`REACH`] times the distance that completes the
+/// walls, and would leave it black. Such a probe is looked for up to 1.5 times the distance that completes the
 /// overlap. With no more probes than the overlap asked for, r holds all of them for every receiver.
 ///
 /// # Errors

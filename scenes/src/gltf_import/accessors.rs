@@ -213,7 +213,10 @@ fn elements<'a>(
         return Err(source.invalid(place, found, REPAIR));
     }
     let size = component.size() as u64;
-    if offset % size != 0 || (view.offset + offset) % size != 0 || stride as u64 % size != 0 {
+    if !offset.is_multiple_of(size)
+        || !(view.offset + offset).is_multiple_of(size)
+        || !(stride as u64).is_multiple_of(size)
+    {
         let found = format!("data of {size}-byte components at byte {offset} of a bufferView at {}", view.offset);
         return Err(source.invalid(place, found, "components must be aligned to their size; export the file again"));
     }
