@@ -35,7 +35,7 @@ pub struct RefineSettings {
 }
 
 /// Parts of at most this many receivers are not split further unless the cap on singular values forces it.
-const SMALL_PART: usize = 16;
+const SMALL_PART: usize = 8;
 /// Bytes of a cluster beside its matrices: its record, and four a probe.
 const RECORD_BYTES: f64 = 40.0;
 /// Steps of the bisection of the price, over 12 orders of magnitude.
