@@ -32,7 +32,7 @@ pub struct Overlap {
 /// than it to a receiver, on average over receivers and with the minimum rule counted: a receiver with fewer than
 /// `settings.min_overlap` probes within r uses 1.05 times the distance to that many, and so does one that sees none of the
 /// probes within r, with the distance to the nearest that it sees: the nearest probes of a corner may all stand behind its
-/// walls, and would leave it black. Such a probe is looked for up to 1.5 times the distance that completes the
+/// walls, and would leave it black (not so if `settings.min_overlap` is 0). Such a probe is looked for up to 1.5 times the distance that completes the
 /// overlap. With no more probes than the overlap asked for, r holds all of them for every receiver.
 ///
 /// # Errors
@@ -62,7 +62,8 @@ pub fn support(
             grid.for_each_within(receiver, REACH * at(typical), |id, distance| around.push((distance, id)));
             around.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let mut seen = around.iter().filter(|(_, id)| sees(index, probes[*id as usize]));
-            let seen_m = seen.next().map_or(0.0, |&(distance, _)| distance);
+            // Without a minimum nobody asks to be seen.
+            let seen_m = seen.next().filter(|_| nearest > 0).map_or(0.0, |&(distance, _)| distance);
             (BEYOND * at(nearest).max(seen_m), at(typical))
         })
         .unzip();
