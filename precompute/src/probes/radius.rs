@@ -28,12 +28,12 @@ pub struct Overlap {
 /// Finds the support radius and every receiver's supporting probes.
 ///
 /// `receivers` and `probes` are positions in metres; `sees` tells whether a receiver, by index, and a probe see each other.
-/// The radius r is such that `settings.overlap` probes are nearer
-/// than it to a receiver, on average over receivers and with the minimum rule counted: a receiver with fewer than
-/// `settings.min_overlap` probes within r uses 1.05 times the distance to that many, and so does one that sees none of the
-/// probes within r, with the distance to the nearest that it sees: the nearest probes of a corner may all stand behind its
-/// walls, and would leave it black (not so if `settings.min_overlap` is 0). Such a probe is looked for up to 1.5 times the distance that completes the
-/// overlap. With no more probes than the overlap asked for, r holds all of them for every receiver.
+/// The radius r is such that `settings.overlap` probes are nearer than it to a receiver, on average over receivers and
+/// with the minimum rules counted. A receiver with fewer than `settings.min_overlap` probes within r uses 1.05 times the
+/// distance to that many. One that sees no probe within r uses 1.05 times the distance to the nearest that it sees, looked
+/// for up to 1.5 times the distance that completes the overlap: the nearest probes of a corner may all stand behind its
+/// walls, and would leave it black. (Not so if `settings.min_overlap` is 0.) With no more probes than the overlap asked
+/// for, r holds all of them for every receiver.
 ///
 /// # Errors
 ///
