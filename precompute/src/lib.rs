@@ -1,4 +1,18 @@
 //! Bakes local-reconstruction precomputed radiance transfer (Silvennoinen and Lehtinen 2017).
+//!
+//! In: a `Scene` (world space, metres) and [`settings::BakeSettings`]. Out: the arrays of a `.lprt` file, the scene with its
+//! lightmap coordinates, and a [`report::BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
+//! [`relight`] prepares a lighting state for the CPU relighter, and the `precompute` command is a thin face over both.
+//!
+//! ```no_run
+//! use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};
+//!
+//! let scene = localprt_scenes::load("hall.glb")?;
+//! let baked = bake(scene, &Preset::Preview.settings(), &Progress::silent())?;
+//! println!("{} receivers, {:.1} % unseen", baked.report.receivers, 100.0 * baked.report.unseen.mean);
+//! localprt_formats::write("hall.lprt", &baked.arrays)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod clusters;
 pub mod compress;

@@ -11,8 +11,8 @@ fn an_open_plane_receives_pi_times_a_constant_sky() {
     let sky = Vec3::new(0.5, 1.0, 2.0);
     let lighting = Lighting { sky: Sky::Constant(sky), ..Lighting::default() };
     for value in irradiance(&baked, &lighting, 2) {
-        // f16 factors (2^-11) and the threshold of 0.005 on a row of norm pi / sqrt(4 pi) * ..., about 1.5.
-        assert!((value / (PI * sky) - Vec3::ONE).abs().max_element() < 0.005, "{value}");
+        // Every receiver of a plane has the same row, so compression keeps it but for two f16 factors, 2^-11 each.
+        assert!((value / (PI * sky) - Vec3::ONE).abs().max_element() < 0.002, "{value}");
     }
 }
 
