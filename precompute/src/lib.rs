@@ -29,4 +29,5 @@ pub mod relight_rays;
 pub mod report;
 pub mod settings;
 pub mod transport;
+pub mod validate;
 pub mod voxels;

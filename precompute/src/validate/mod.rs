@@ -1,0 +1,3 @@
+//! Where the reconstruction is wrong, and by how much.
+
+pub mod path_tracer;

@@ -1,0 +1,89 @@
+//! Emissive triangles, to be sampled by area and brightness.
+
+use crate::rays::SurfaceHit;
+use glam::Vec3;
+use localprt_scenes::{FaceId, Scene, SurfaceShading};
+
+/// Points of a triangle, per edge, at which a textured emission is looked up to weigh the triangle.
+const LOOKUPS: u32 = 4;
+
+/// All emissive triangles under one lighting state.
+pub(super) struct Emitters {
+    triangles: Vec<Emitter>,
+    /// Running sums of their probabilities, ending at 1.
+    rising: Vec<f64>,
+    /// `[n_faces]` density of a sample on the face, m^-2; 0 for faces that are not sampled. Empty without emitters.
+    density: Vec<f32>,
+}
+
+struct Emitter {
+    face: FaceId,
+    corners: [Vec3; 3],
+}
+
+impl Emitters {
+    /// Triangles are drawn in proportion to area times emission, its brightest band.
+    pub(super) fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
+        let mut emitters = Self { triangles: Vec::new(), rising: Vec::new(), density: Vec::new() };
+        if !shading.any_emission() {
+            return emitters;
+        }
+        let mut total = 0.0;
+        let mut areas: Vec<f64> = Vec::new();
+        for (face, (mesh, triangle)) in scene.faces().enumerate() {
+            let corners = scene.corners(mesh, triangle);
+            let area = (corners[1] - corners[0]).as_dvec3().cross((corners[2] - corners[0]).as_dvec3()).length() / 2.0;
+            let mean = mean_emission(shading, mesh, triangle);
+            if area * mean > 0.0 {
+                total += area * mean;
+                emitters.triangles.push(Emitter { face: FaceId(face as u32), corners });
+                emitters.rising.push(total);
+                areas.push(area);
+            }
+        }
+        emitters.density = vec![0.0; scene.face_count()];
+        let mut before = 0.0;
+        for ((emitter, end), area) in emitters.triangles.iter().zip(&mut emitters.rising).zip(areas) {
+            *end /= total;
+            emitters.density[emitter.face.0 as usize] = ((*end - before) / area) as f32;
+            before = *end;
+        }
+        emitters
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// A point of an emissive triangle.
+    pub(super) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
+        let index = self.rising.partition_point(|&end| end <= which).min(self.triangles.len() - 1);
+        let [a, b, c] = self.triangles[index].corners;
+        // Uniform over the triangle (Turk 1990).
+        let root = u.sqrt();
+        let weights = [1.0 - root, root * (1.0 - v), root * v].map(|weight| weight as f32);
+        (self.triangles[index].face, a * weights[0] + b * weights[1] + c * weights[2])
+    }
+
+    /// Density, per steradian, with which [`Emitters::sample`] would have led from the ray's origin to its hit.
+    pub(super) fn density(&self, hit: &SurfaceHit, dir: Vec3) -> f32 {
+        let Some(point) = hit.point else { return 0.0 };
+        let by_area = self.density.get(point.face.0 as usize).copied().unwrap_or(0.0);
+        let cosine = hit.normal.dot(dir).abs();
+        if by_area > 0.0 && cosine > 0.0 { by_area * hit.t * hit.t / cosine } else { 0.0 }
+    }
+}
+
+fn mean_emission(shading: &SurfaceShading<'_>, mesh: usize, triangle: usize) -> f64 {
+    let mut sum = 0.0;
+    let mut count = 0.0;
+    for i in 0..LOOKUPS {
+        for j in 0..LOOKUPS - i {
+            let place = |index: u32| (index as f32 + 1.0 / 3.0) / LOOKUPS as f32;
+            let (u, v) = (place(i), place(j));
+            sum += f64::from(shading.emission(mesh, triangle, Vec3::new(1.0 - u - v, u, v)).max_element());
+            count += 1.0;
+        }
+    }
+    sum / count
+}
