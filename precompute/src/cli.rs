@@ -37,6 +37,12 @@ Examples:
   precompute relight hall.lprt --picture hall.png
   precompute relight hall.lprt --lights evening.json --bounces 4 -o evening.exr --receivers evening.ply";
 
+const VALIDATE_EXAMPLE: &str = "\
+Examples:
+  precompute validate hall.lprt -o hall-quality
+  precompute validate hall.lprt -o hall-quality --lights noon.json --lights night.json --max-nrmse 0.1
+  precompute validate hall.lprt -o hall-quality --sweep probes=20,50,150 --sweep degree=2,4,7";
+
 /// Precomputed light transport: bake a scene once, relight it in real time.
 #[derive(Debug, Parser)]
 #[command(name = "precompute", version, before_help = EXAMPLE, after_help = EXIT_CODES)]
@@ -74,6 +80,9 @@ pub enum Command {
     /// Light a baked scene: maps, point clouds, pictures
     #[command(before_help = RELIGHT_EXAMPLE)]
     Relight(Box<Relight>),
+    /// Compare a baked scene with path tracing: pictures, heat maps, figures
+    #[command(before_help = VALIDATE_EXAMPLE)]
+    Validate(Box<Validate>),
     /// Say what is inside a baked file
     Info(Info),
     /// Verify every checksum and every invariant of a baked file
@@ -169,6 +178,62 @@ pub struct View {
     #[arg(long, value_name = "ALBEDO", requires = "picture", num_args = 0..=1, default_missing_value = "0.5",
           value_parser = parse_share)]
     pub albedo_override: Option<f32>,
+}
+
+/// `precompute validate`
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// Baked file
+    #[arg(value_name = "FILE.lprt")]
+    pub file: PathBuf,
+    /// Folder to write into; made if missing
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Scene with the lightmap coordinates [default: the one named in the baked file]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Lighting file; may be given several times, the first one leads. With one file, the scene's own light is shown as
+    /// well, if it has any [default: the scene's own lights, black sky]
+    #[arg(long, value_name = "L.json")]
+    pub lights: Vec<PathBuf>,
+    /// Gathers: 1 is the first indirect bounce
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub bounces: u32,
+    /// End with exit code 7 if the nrmse under a given lighting is above this
+    #[arg(long, value_name = "X", value_parser = parse_positive)]
+    pub max_nrmse: Option<f64>,
+    /// Bake again with other values of an option and compare, such as probes=2,8,20,50,150 or degree=2,4,7,10; may be given
+    /// several times
+    #[arg(long, value_name = "OPTION=VALUES", help_heading = "Sweeps", value_parser = parse_sweep)]
+    pub sweep: Vec<(String, Vec<String>)>,
+    /// Also light the place that the file reconstructs worst by a small bright spot close by
+    #[arg(long, help_heading = "Sweeps")]
+    pub failure_case: bool,
+    /// Receivers to measure, spread over the scene
+    #[arg(long, value_name = "N", default_value_t = 4096, help_heading = "Reference",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    pub receivers: u32,
+    /// Standard error of the reference to reach at a receiver, as a share of the mean irradiance
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, help_heading = "Reference", value_parser = parse_positive)]
+    pub error: f64,
+    /// Most paths per receiver
+    #[arg(long, value_name = "N", default_value_t = 16_384, help_heading = "Reference",
+          value_parser = clap::value_parser!(u32).range(512..=16_777_216))]
+    pub paths: u32,
+    /// Seed of the reference and of the choice of receivers
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Reference")]
+    pub seed: u64,
+    /// Camera of the scene, from 0 [default: up to three; without any, one that shows the whole scene]
+    #[arg(long, value_name = "N", help_heading = "Pictures")]
+    pub camera: Option<usize>,
+    /// Pixels per row
+    #[arg(long, value_name = "N", default_value_t = 480, help_heading = "Pictures",
+          value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub width: u32,
+    /// Paths per pixel of the reference
+    #[arg(long, value_name = "N", default_value_t = 128, help_heading = "Pictures",
+          value_parser = clap::value_parser!(u32).range(8..=65_536))]
+    pub picture_paths: u32,
 }
 
 /// What computes a lighting state.
@@ -268,6 +333,21 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
 fn parse_share(text: &str) -> Result<f32, String> {
     let value = text.parse::<f32>().ok().filter(|value| (0.0..=1.0).contains(value));
     value.ok_or_else(|| "expected a number from 0 to 1".into())
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| "expected a number above 0".into())
+}
+
+fn parse_sweep(text: &str) -> Result<(String, Vec<String>), String> {
+    let expected = "expected an option and its values, such as probes=2,8,20";
+    let (option, values) = text.split_once('=').ok_or(expected)?;
+    let values: Vec<String> = values.split(',').map(|value| value.trim().to_owned()).collect();
+    if option.is_empty() || values.iter().any(String::is_empty) {
+        return Err(expected.into());
+    }
+    Ok((option.trim().replace('-', "_"), values))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod info;
 mod inputs;
 mod relight;
 mod scene;
+mod validate;
 
 use crate::cli::{Cli, Command, Global};
 use localprt_precompute::error::{CommandError, Exit};
@@ -31,6 +32,7 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
     match &cli.command {
         Command::Bake(command) => bake::run(command, &progress),
         Command::Relight(command) => relight::run(command, &progress),
+        Command::Validate(command) => validate::run(command, &progress),
         Command::Info(command) => info::run(command),
         Command::Check(command) => info::check(command),
         Command::Scene(command) => scene::run(command, &progress),

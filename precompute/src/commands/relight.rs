@@ -149,7 +149,8 @@ pub fn take_picture(
     Ok(picture::render(caster, &camera, size, progress, radiance, |dir| lighting.sky.radiance(dir))?)
 }
 
-fn camera(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Camera, CommandError> {
+/// A camera of the scene by number, or its first, or one that shows the whole scene.
+pub fn camera(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Camera, CommandError> {
     let cameras = &caster.scene().cameras;
     match (number, cameras.first()) {
         (None, Some(first)) => Ok(first.clone()),

@@ -6,7 +6,7 @@
 
 mod candidates;
 mod coverage;
-mod point_grid;
+pub(crate) mod point_grid;
 mod radius;
 mod reduce;
 #[cfg(test)]
@@ -200,10 +200,7 @@ pub fn place(
     let budget = (f64::from(settings.repair) * target as f64) as usize;
     let exact = settings.probes.is_some();
     let thinned = reduce(&found.positions, target, kernel_m);
-    let sees = |receiver: usize, probe: Vec3| {
-        let (position, normal) = (receivers[receiver], normals[receiver]);
-        normal.dot(probe - position) > caster.offset_m() && caster.visible(position + normal * caster.offset_m(), probe)
-    };
+    let sees = sight(caster, receivers, normals);
     let plain = placement(&found.positions, &thinned.kept, receivers, &sees, settings)?;
 
     let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
@@ -242,6 +239,35 @@ pub fn place(
     let (probes, support, overlap) = best;
     report.overlap = (overlap.mean, overlap.least, overlap.most);
     Ok((probes, support, report))
+}
+
+/// Links receivers to probes at given places, as [`place`] does with those that it finds.
+///
+/// # Errors
+///
+/// [`PlacementError::InvalidOption`], [`PlacementError::NoReceivers`], [`PlacementError::TooManyPairs`].
+pub fn link(
+    caster: &RayCaster,
+    probes: &[Vec3],
+    receivers: &[Vec3],
+    normals: &[Vec3],
+    settings: &BakeSettings,
+) -> Result<(ProbeSet, Support), PlacementError> {
+    check(settings)?;
+    let (probes, support, _) = support(receivers, probes, &sight(caster, receivers, normals), settings)?;
+    Ok((probes, support))
+}
+
+/// Whether a receiver, by index, and a probe see each other.
+fn sight<'a>(
+    caster: &'a RayCaster,
+    receivers: &'a [Vec3],
+    normals: &'a [Vec3],
+) -> impl Fn(usize, Vec3) -> bool + Sync + 'a {
+    |receiver, probe| {
+        let (position, normal) = (receivers[receiver], normals[receiver]);
+        normal.dot(probe - position) > caster.offset_m() && caster.visible(position + normal * caster.offset_m(), probe)
+    }
 }
 
 /// Probes at some of the candidates, with their radius and support.

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 const MARGIN: f64 = 1e-6;
 
 /// Points by cell. Results come in cell order, then by rising id.
-pub(super) struct PointGrid {
+pub(crate) struct PointGrid {
     low: DVec3,
     cell_m: f64,
     size: [usize; 3],
@@ -18,7 +18,7 @@ pub(super) struct PointGrid {
 
 impl PointGrid {
     /// Cells of about `cell_m` metres, larger where they would outnumber the points by far.
-    pub(super) fn new(points: &[Vec3], cell_m: f32) -> Self {
+    pub(crate) fn new(points: &[Vec3], cell_m: f32) -> Self {
         let first = points.first().copied().unwrap_or_default();
         let (low, high) = points.iter().fold((first, first), |(low, high), &point| (low.min(point), high.max(point)));
         let (low, extent) = (low.as_dvec3(), high.as_dvec3() - low.as_dvec3());
@@ -48,7 +48,7 @@ impl PointGrid {
     }
 
     /// Calls `visit(id, distance)` for every point nearer than `radius_m`.
-    pub(super) fn for_each_within(&self, center: Vec3, radius_m: f32, mut visit: impl FnMut(u32, f32)) {
+    pub(crate) fn for_each_within(&self, center: Vec3, radius_m: f32, mut visit: impl FnMut(u32, f32)) {
         let reach = f64::from(radius_m) * (1.0 + MARGIN);
         let low = self.cell(center.as_dvec3() - reach);
         let high = self.cell(center.as_dvec3() + reach);
@@ -68,7 +68,7 @@ impl PointGrid {
     }
 
     /// The `count` smallest distances to points (all, if there are fewer), rising, into `distances`.
-    pub(super) fn nearest(&self, center: Vec3, count: usize, distances: &mut Vec<f32>) {
+    pub(crate) fn nearest(&self, center: Vec3, count: usize, distances: &mut Vec<f32>) {
         let count = count.min(self.points.len());
         let mut radius_m = self.cell_m as f32;
         loop {

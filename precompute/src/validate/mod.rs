@@ -1,3 +1,146 @@
-//! Where the reconstruction is wrong, and by how much.
+//! Where the reconstruction is wrong, and by how much: a baked file against path tracing at its own receivers.
+//!
+//! In: a [`Subject`] (a baked file with its scene) and lighting [`State`]s. Out: [`Findings`], from which
+//! [`report`] makes `metrics.json` and [`pages`] the pictures and `index.html`.
+//!
+//! | file | what it measures |
+//! |---|---|
+//! | [`path_tracer`] | the reference: irradiance with standard errors, pictures |
+//! | [`last_leg`] | compressed, uncompressed, the comparators of figure 8, and the steps between truth and result |
+//! | [`metrics`], [`flip`] | errors, each beside its formula |
+//! | [`parts`] | what the error is made of, and why the worst receivers are wrong |
+//! | [`steps`] | steps across chart seams and cluster borders |
+//! | [`operator_norm`] | reconstruction error without lighting, Eq. (12) |
+//! | [`coverage`] | unseen light, probes, clusters, coefficients |
 
+pub mod coverage;
+pub mod flip;
+pub mod last_leg;
+pub mod lit;
+pub mod metrics;
+pub mod operator_norm;
+pub mod parts;
 pub mod path_tracer;
+pub mod report;
+pub mod selection;
+pub mod state;
+pub mod steps;
+pub mod subject;
+
+pub use state::{METHODS, State, StateFindings};
+pub use subject::Subject;
+
+use crate::{error::BakeError, progress::Progress};
+use coverage::Coverage;
+use localprt_scenes::Camera;
+use metrics::{percentile, rank_correlation, relative_errors};
+use path_tracer::PathBudget;
+use selection::{Pairs, sample};
+use serde::Serialize;
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasureSettings {
+    /// Receivers to measure; all if the file has no more.
+    pub receivers: u32,
+    /// Gathers; 1 is the first indirect bounce.
+    pub bounces: u32,
+    /// When the reference is good enough.
+    pub budget: PathBudget,
+    /// Seed of the reference and of the choice of receivers.
+    pub seed: u64,
+    /// Pixels per row of the pictures.
+    pub picture_width: u32,
+    /// Paths per pixel of the pictures.
+    pub picture_paths: u32,
+    /// Receivers at which the pictures of uncompressed light and comparators are exact; they are interpolated between.
+    pub picture_receivers: u32,
+    /// Pairs of receivers per kind of border.
+    pub pairs: u32,
+}
+
+impl Default for MeasureSettings {
+    fn default() -> Self {
+        Self {
+            receivers: 4096,
+            bounces: 8,
+            budget: PathBudget::default(),
+            seed: 1,
+            picture_width: 480,
+            picture_paths: 128,
+            picture_receivers: 8192,
+            pairs: 1000,
+        }
+    }
+}
+
+/// Everything found about a baked file.
+#[derive(Debug)]
+pub struct Findings {
+    /// Receivers measured, in file order.
+    pub sample: Vec<u32>,
+    /// `|e|` of Eq. (12) at the measured receivers.
+    pub operator_norm: Vec<f32>,
+    /// What the file covers, without lighting.
+    pub coverage: Coverage,
+    /// One entry per lighting state.
+    pub states: Vec<StateFindings>,
+}
+
+/// Percentiles of the operator norm, and whether it is high where the error is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct NormFigures {
+    /// Mean over receivers of the worst case.
+    pub mean: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// Largest.
+    pub max: f64,
+    /// Mean of the RMS over random unit fields: a tenth of the worst case.
+    pub mean_rms: f64,
+    /// Spearman's rank correlation of the norm with the absolute error of the compressed light, in the first state.
+    pub rank_correlation: Option<f64>,
+    /// The same with the relative error.
+    pub rank_correlation_relative: Option<f64>,
+}
+
+/// Validates a baked file under one or more lighting states.
+///
+/// # Errors
+/// Those of [`state::measure`].
+pub fn validate(
+    subject: &Subject<'_>,
+    states: &[State],
+    cameras: &[Camera],
+    settings: &MeasureSettings,
+    progress: &Progress,
+) -> Result<Findings, BakeError> {
+    let sample = sample(subject.len(), settings.receivers as usize, settings.seed);
+    let pairs = Pairs::of(subject, settings.pairs as usize);
+    let operator_norm = operator_norm::operator_norm(subject, &sample, progress)?;
+    let measured = states
+        .iter()
+        .map(|state| state::measure(subject, state, &sample, &pairs, cameras, settings, progress))
+        .collect::<Result<_, _>>()?;
+    Ok(Findings { sample, operator_norm, coverage: Coverage::of(subject), states: measured })
+}
+
+impl Findings {
+    /// Sums up the operator norm.
+    pub fn norm_figures(&self) -> NormFigures {
+        let norms: Vec<f64> = self.operator_norm.iter().map(|&norm| f64::from(norm)).collect();
+        let mean = norms.iter().sum::<f64>() / norms.len().max(1) as f64;
+        let state = self.states.first();
+        let correlation = |errors: Vec<f64>| rank_correlation(&norms, &errors);
+        NormFigures {
+            mean,
+            p95: percentile(&norms, 0.95),
+            max: percentile(&norms, 1.0),
+            mean_rms: mean / f64::from(operator_norm::rms_share()),
+            rank_correlation: state.and_then(|state| correlation(state.absolute_errors(&self.sample))),
+            rank_correlation_relative: state.and_then(|state| {
+                correlation(relative_errors(&state.compressed(&self.sample), &state.reference.irradiance))
+            }),
+        }
+    }
+}

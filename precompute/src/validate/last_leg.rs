@@ -1,0 +1,364 @@
+//! The last leg, from the light of one gather to the receivers, by every method under comparison and step by step from
+//! the truth to the compressed result.
+//!
+//! Per receiver, over the bake's own gather rays, with L(Γ) the outgoing radiance of what a ray meets:
+//!
+//! ```text
+//! all      sum w L(Γ)                          every ray, exact radiance
+//! seen     sum w L(Γ)  where a supporting probe sees Γ
+//! uncompressed         the transport row times the probe radiance (Eq. 7)
+//! compressed           U S V^T times the probe radiance, from the file in f16
+//!
+//! compressed - reference = (all - reference)            sampling: gather rays, earlier bounces
+//!                        + (seen - all)                 unseen light
+//!                        + (uncompressed - seen)        band limit: SH, relight rays, light map
+//!                        + (compressed - uncompressed)  compression
+//! ```
+//!
+//! The comparators of figure 8, on the same probes:
+//!
+//! ```text
+//! spatial  E = ∫ L̄(ω) max(n·ω, 0) dω,   L̄ = sum_i w_i(x) L(p_i, ω) / sum_k w_k(x)            (Eq. 1)
+//! arikan   E = sum w (L(Γ) where |Γ - x| < r, L̄(ω) elsewhere)
+//! ```
+//!
+//! `arikan` is the irradiance decomposition of Arikan et al. (2005) at its best: distant light is interpolated between
+//! probes and blocked by near surfaces, near surfaces contribute their own light; which surface is near is sampled by
+//! exact rays, and its radiance is exact, where they estimate both. r is half of the radius of support.
+
+use super::{lit::Lit, subject::Subject};
+use crate::{
+    progress::{Cancelled, Progress},
+    rays::{SurfaceHit, frame},
+    relight::direct_irradiance,
+    transport::GatherSet,
+};
+use glam::{DVec3, Vec3};
+use localprt_formats::{
+    sh::{self, Basis, Directions, LANES},
+    weight::weight_kernel,
+};
+use localprt_scenes::{Lighting, SurfaceShading};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
+pub const NEAR: f32 = 0.5;
+
+/// Irradiance at one receiver, W m^-2, not negative, by every method and step. See the module.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LastLeg {
+    /// From every gather ray, exact.
+    pub all: Vec3,
+    /// From the rays whose surface a supporting probe sees.
+    pub seen: Vec3,
+    /// Transport row times probe radiance.
+    pub uncompressed: Vec3,
+    /// Eq. (1).
+    pub spatial: Vec3,
+    /// The idealized comparator.
+    pub arikan: Vec3,
+    /// Cosine-weighted share of directions in which a surface is nearer than a quarter of the radius of support: high in
+    /// corners.
+    pub near: f32,
+}
+
+/// Evaluates the last leg at some receivers, given in file order.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn last_leg(
+    subject: &Subject<'_>,
+    lit: &Lit,
+    lighting: &Lighting,
+    receivers: &[u32],
+    progress: &Progress,
+) -> Result<Vec<LastLeg>, Cancelled> {
+    let stage = progress.stage("uncompressed and comparators", receivers.len() as u64);
+    let leg = Leg {
+        subject,
+        lit,
+        lighting,
+        shading: SurfaceShading::new(subject.caster.scene(), lighting),
+        basis: Basis::new(subject.view.metadata.probe_degree),
+    };
+    let found = receivers
+        .par_iter()
+        .map(|&receiver| {
+            progress.check()?;
+            let found = leg.at(receiver);
+            stage.inc(1);
+            Ok(found)
+        })
+        .collect();
+    progress.check()?;
+    found
+}
+
+struct Leg<'a> {
+    subject: &'a Subject<'a>,
+    lit: &'a Lit,
+    lighting: &'a Lighting,
+    shading: SurfaceShading<'a>,
+    basis: Basis,
+}
+
+impl Leg<'_> {
+    fn at(&self, receiver: u32) -> LastLeg {
+        let subject = self.subject;
+        let caster = subject.caster;
+        let transport = subject.transport();
+        let point = subject.point(receiver);
+        let radius = subject.radius_m(receiver);
+        let probes: Vec<(Vec3, f32)> = subject
+            .supporting(receiver)
+            .iter()
+            .map(|&id| {
+                let probe = subject.probe_positions()[id as usize];
+                (probe, weight_kernel(point.position.distance(probe) / radius))
+            })
+            .collect();
+        let axis = if transport.gather.receiver_degree() == 0 { point.normal } else { point.geometric_normal };
+        let (tangent, bitangent) = frame(axis);
+        let origin = point.position + point.geometric_normal * caster.offset_m();
+
+        let (mut all, mut seen, mut near_light) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let mut near = 0.0;
+        let mut far = Lobe::new(&self.basis);
+        for local in transport.gather.directions() {
+            let dir = tangent * local.x + bitangent * local.y + axis * local.z;
+            if dir.dot(point.geometric_normal) <= 0.0 {
+                continue;
+            }
+            let weight = irradiance_weight(transport.gather, dir.dot(point.normal));
+            let hit = caster.closest_hit(origin, dir);
+            let (radiance, is_seen) = match &hit {
+                None => (self.lighting.sky.radiance(dir), true),
+                Some(hit) => (self.outgoing(hit), self.is_seen(hit, &probes)),
+            };
+            let light = (weight * radiance).as_dvec3();
+            all += light;
+            if is_seen {
+                seen += light;
+            }
+            let distance = hit.map_or(f32::INFINITY, |hit| hit.t);
+            if distance < NEAR * radius {
+                near_light += light;
+            } else {
+                far.push(dir, weight);
+            }
+            if distance < 0.25 * radius {
+                near += weight / PI;
+            }
+        }
+
+        let blended = self.blended(receiver, &probes);
+        let spatial = dot(&cosine_lobe(&self.basis, point.normal), &blended);
+        let arikan = near_light + dot(&far.finish(), &blended);
+        let positive = |light: DVec3| light.as_vec3().max(Vec3::ZERO);
+        LastLeg {
+            all: positive(all),
+            seen: positive(seen),
+            uncompressed: self.uncompressed(receiver).max(Vec3::ZERO),
+            spatial: positive(spatial),
+            arikan: positive(arikan),
+            near,
+        }
+    }
+
+    /// Outgoing radiance of a surface point in the last gather: what the light map holds there, without its texels.
+    fn outgoing(&self, hit: &SurfaceHit) -> Vec3 {
+        let Some(face) = hit.point else { return Vec3::ZERO };
+        let scene = self.subject.caster.scene();
+        let normal = scene.shading_normal(face.mesh, face.triangle, face.barycentrics);
+        let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
+        let mut irradiance = direct_irradiance(self.subject.caster, &self.lighting.lights, hit.position, normal, hit.normal);
+        if self.lit.previous.is_some() {
+            let [a, b, c] = self.subject.atlas.corners[face.face.0 as usize];
+            let uv = a * face.barycentrics.x + b * face.barycentrics.y + c * face.barycentrics.z;
+            irradiance += self.lit.previous_irradiance(uv);
+        }
+        let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
+        self.shading.emission(face.mesh, face.triangle, face.barycentrics) + albedo / PI * irradiance
+    }
+
+    /// Whether any supporting probe sees that side of that point: V_i of Eq. (2).
+    fn is_seen(&self, hit: &SurfaceHit, probes: &[(Vec3, f32)]) -> bool {
+        let caster = self.subject.caster;
+        let seen_point = hit.position + hit.normal * caster.offset_m();
+        probes.iter().any(|&(probe, weight)| {
+            weight > 0.0
+                && (probe - hit.position).dot(hit.normal) > caster.offset_m()
+                && caster.visible(seen_point, probe)
+        })
+    }
+
+    /// Probe radiance blended by distance alone, Eq. (1): `[n_sh]`. Zero without a probe in reach.
+    fn blended(&self, receiver: u32, probes: &[(Vec3, f32)]) -> Vec<Vec3> {
+        let n_sh = self.basis.len();
+        let mut blended = vec![Vec3::ZERO; n_sh];
+        let sum: f32 = probes.iter().map(|probe| probe.1).sum();
+        if sum > 0.0 {
+            for (&id, &(_, weight)) in self.subject.supporting(receiver).iter().zip(probes) {
+                let radiance = &self.lit.probe_radiance_with_sky[id as usize * n_sh..][..n_sh];
+                for (blended, &radiance) in blended.iter_mut().zip(radiance) {
+                    *blended += radiance * (weight / sum);
+                }
+            }
+        }
+        blended
+    }
+
+    /// The receiver's uncompressed transport rows times the probe radiance, as irradiance.
+    fn uncompressed(&self, receiver: u32) -> Vec3 {
+        let rows = self.subject.transport().rows(&[self.subject.place(receiver)]);
+        let n_sh = self.basis.len();
+        let outputs: Vec<DVec3> = rows
+            .rows
+            .chunks_exact(rows.n_columns)
+            .map(|row| {
+                let (of_probes, of_sky) = row.split_at(rows.probes.len() * n_sh);
+                let mut sum = dot(of_sky, &self.lit.sky.sh);
+                for (weights, &id) in of_probes.chunks_exact(n_sh).zip(&rows.probes) {
+                    sum += dot(weights, &self.lit.probe_radiance[id as usize * n_sh..][..n_sh]);
+                }
+                sum
+            })
+            .collect();
+        irradiance(&outputs, self.subject.point(receiver).normal)
+    }
+}
+
+/// Irradiance from the outputs of a receiver: itself at degree 0, the convolution with the cosine at degree 1.
+pub(super) fn irradiance(outputs: &[DVec3], normal: Vec3) -> Vec3 {
+    let sum: DVec3 = match outputs {
+        [irradiance] => *irradiance,
+        _ => {
+            let weights = sh::irradiance_weights_degree_1(normal.to_array());
+            outputs.iter().zip(weights).map(|(&output, weight)| output * f64::from(weight)).sum()
+        }
+    };
+    sum.as_vec3()
+}
+
+/// Weight of a gather ray in a sum that is irradiance, given its cosine with the shading normal.
+pub(super) fn irradiance_weight(gather: &GatherSet, cosine: f32) -> f32 {
+    PI * gather.cosine_share(cosine.max(0.0))
+}
+
+/// Empty `values` (a black sky) count as zeros.
+fn dot(weights: &[f32], values: &[Vec3]) -> DVec3 {
+    weights.iter().zip(values).map(|(&weight, value)| f64::from(weight) * value.as_dvec3()).sum()
+}
+
+/// SH of the cosine lobe about a normal: `A_l Y_lm(n)`, A = pi, 2 pi/3, pi/4, 0, -pi/24, 0, ...
+///
+/// Source: Ramamoorthi and Hanrahan 2001, Eq. (8).
+pub(super) fn cosine_lobe(basis: &Basis, normal: Vec3) -> Vec<f32> {
+    let mut lobe = vec![0.0; basis.len()];
+    basis.evaluate(normal.to_array(), &mut lobe);
+    for l in 0..=basis.degree() {
+        for value in &mut lobe[sh::index(l, -(l as i32))..=sh::index(l, l as i32)] {
+            *value *= cosine_lobe_factor(l);
+        }
+    }
+    lobe
+}
+
+fn cosine_lobe_factor(l: u32) -> f32 {
+    match l {
+        1 => 2.0 * PI / 3.0,
+        _ if l % 2 == 1 => 0.0,
+        _ => {
+            // 2 pi (-1)^(l/2 - 1) / ((l + 2)(l - 1)) * l! / (2^l ((l/2)!)^2): the last factor is a product of (2i - 1) / 2i.
+            let central: f64 = (1..=l / 2).map(|i| f64::from(2 * i - 1) / f64::from(2 * i)).product();
+            let sign = if (l / 2) % 2 == 1 { 1.0 } else { -1.0 };
+            (2.0 * std::f64::consts::PI * sign * central / (f64::from(l + 2) * (f64::from(l) - 1.0))) as f32
+        }
+    }
+}
+
+/// SH sums over weighted directions, a set of lanes at a time.
+struct Lobe<'a> {
+    basis: &'a Basis,
+    directions: Directions,
+    weights: [f32; LANES],
+    filled: usize,
+    sums: Vec<[f32; LANES]>,
+}
+
+impl<'a> Lobe<'a> {
+    fn new(basis: &'a Basis) -> Self {
+        let sums = vec![[0.0; LANES]; basis.len()];
+        Self { basis, directions: Directions::default(), weights: [0.0; LANES], filled: 0, sums }
+    }
+
+    fn push(&mut self, dir: Vec3, weight: f32) {
+        let lane = self.filled;
+        (self.directions.x[lane], self.directions.y[lane], self.directions.z[lane]) = (dir.x, dir.y, dir.z);
+        self.weights[lane] = weight;
+        self.filled += 1;
+        if self.filled == LANES {
+            self.basis.accumulate(&self.directions, &self.weights, &mut self.sums);
+            self.filled = 0;
+        }
+    }
+
+    fn finish(mut self) -> Vec<f32> {
+        self.weights[self.filled..].fill(0.0);
+        self.basis.accumulate(&self.directions, &self.weights, &mut self.sums);
+        self.sums.iter().map(|lanes| lanes.iter().map(|&lane| f64::from(lane)).sum::<f64>() as f32).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cosine_lobe_has_its_known_factors() {
+        let known = [PI, 2.0 * PI / 3.0, PI / 4.0, 0.0, -PI / 24.0, 0.0, PI / 64.0];
+        for (l, known) in known.into_iter().enumerate() {
+            assert!((cosine_lobe_factor(l as u32) - known).abs() < 1e-6, "{l}: {}", cosine_lobe_factor(l as u32));
+        }
+        // Against the integral of the clamped cosine times the Legendre polynomial, 2 pi ∫ z P_l(z) dz over 0..1, for all.
+        for l in 0..=sh::MAX_DEGREE {
+            let n = 200_000;
+            let mut integral = 0.0;
+            for i in 0..n {
+                let z = (f64::from(i) + 0.5) / f64::from(n);
+                let (mut older, mut newer) = (0.0, 1.0);
+                for k in 1..=l {
+                    let k = f64::from(k);
+                    (older, newer) = (newer, ((2.0 * k - 1.0) * z * newer - (k - 1.0) * older) / k);
+                }
+                integral += z * newer / f64::from(n);
+            }
+            let expected = 2.0 * std::f64::consts::PI * integral;
+            // Midpoint rule: 1 / 24 n^2 of a second derivative of a few thousand.
+            assert!((f64::from(cosine_lobe_factor(l)) - expected).abs() < 1e-6, "{l}: {expected}");
+        }
+    }
+
+    #[test]
+    fn lobes_add_up_over_any_number_of_directions() {
+        let basis = Basis::new(3);
+        for n in [1, 8, 19] {
+            let mut lobe = Lobe::new(&basis);
+            let mut expected = vec![0.0f32; basis.len()];
+            for i in 0..n {
+                let dir = localprt_formats::directions::spherical_fibonacci(i, n);
+                lobe.push(Vec3::from(dir), 0.5 + i as f32);
+                let mut values = vec![0.0; basis.len()];
+                basis.evaluate(dir, &mut values);
+                for (sum, value) in expected.iter_mut().zip(values) {
+                    *sum += (0.5 + i as f32) * value;
+                }
+            }
+            for (found, expected) in lobe.finish().iter().zip(expected) {
+                // 19 terms below 20.
+                assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Each metric beside its formula. All are over valid receivers, all finite.
+
+use super::path_tracer::luminance;
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+/// Errors of one method against the reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct MethodError {
+    /// `sqrt(mean((E - E_ref)^2)) / mean(E_ref)` over receivers and colour bands.
+    pub nrmse: f64,
+    /// Median over receivers of `|E - E_ref| / max(E_ref, 0.05 mean E_ref)`, of luminance.
+    pub median_relative: f64,
+    /// 95th percentile of the same.
+    pub p95_relative: f64,
+    /// `mean(E - E_ref) / mean(E_ref)` over receivers and bands.
+    pub bias: f64,
+    /// Mean FLIP of the pictures taken with this indirect light, over the views.
+    pub flip: f64,
+    /// 99th percentile of the relative error.
+    pub p99_relative: f64,
+}
+
+/// Luminance below this times the mean counts as this in relative errors.
+const DARK: f64 = 0.05;
+
+impl MethodError {
+    /// Compares `[n_receivers]` irradiances; `flip` is left at 0. `None` where the reference is black altogether.
+    pub fn of(found: &[Vec3], reference: &[Vec3]) -> Option<Self> {
+        assert_eq!(found.len(), reference.len(), "as many values as references");
+        let mean = mean(reference);
+        let n = 3.0 * found.len() as f64;
+        if !(mean > 0.0) {
+            return None;
+        }
+        let pairs = || found.iter().zip(reference).map(|(found, reference)| found.as_dvec3() - reference.as_dvec3());
+        let squares: f64 = pairs().map(|error| error.length_squared()).sum();
+        let sum: f64 = pairs().map(|error| error.element_sum()).sum();
+        let relative = relative_errors(found, reference);
+        Some(Self {
+            nrmse: (squares / n).sqrt() / mean,
+            median_relative: percentile(&relative, 0.5),
+            p95_relative: percentile(&relative, 0.95),
+            p99_relative: percentile(&relative, 0.99),
+            bias: sum / n / mean,
+            flip: 0.0,
+        })
+    }
+}
+
+/// `|E - E_ref| / max(E_ref, 0.05 mean E_ref)` of luminance, per receiver.
+pub fn relative_errors(found: &[Vec3], reference: &[Vec3]) -> Vec<f64> {
+    let brightness = |color: &Vec3| luminance(color.as_dvec3());
+    let mean = reference.iter().map(brightness).sum::<f64>() / reference.len().max(1) as f64;
+    found
+        .iter()
+        .zip(reference)
+        .map(|(found, reference)| {
+            let reference = brightness(reference);
+            (brightness(found) - reference).abs() / reference.max(DARK * mean)
+        })
+        .collect()
+}
+
+/// Mean over receivers and bands.
+pub fn mean(values: &[Vec3]) -> f64 {
+    values.iter().map(|value| value.as_dvec3().element_sum()).sum::<f64>() / (3.0 * values.len().max(1) as f64)
+}
+
+/// `sqrt(mean of squares)` over receivers and bands.
+pub fn rms(values: impl ExactSizeIterator<Item = DVec3>) -> f64 {
+    let n = 3.0 * values.len().max(1) as f64;
+    (values.map(|value| value.length_squared()).sum::<f64>() / n).sqrt()
+}
+
+/// Nearest rank: the smallest value that at least this share of all do not exceed. 0 of nothing.
+pub fn percentile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let rank = (share * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
+}
+
+/// Spearman's rank correlation, -1..=1; ties share their mean rank. `None` where one side is constant.
+pub fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
+    let (a, b) = (ranks(a), ranks(b));
+    let middle = (a.len() as f64 - 1.0) / 2.0;
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (a, b) in a.iter().zip(&b) {
+        let (a, b) = (a - middle, b - middle);
+        ab += a * b;
+        aa += a * a;
+        bb += b * b;
+    }
+    (aa > 0.0 && bb > 0.0).then(|| ab / (aa * bb).sqrt())
+}
+
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
+    let mut ranks = vec![0.0; values.len()];
+    let mut before = 0;
+    for run in order.chunk_by(|&i, &j| values[i] == values[j]) {
+        for &index in run {
+            ranks[index] = before as f64 + (run.len() as f64 - 1.0) / 2.0;
+        }
+        before += run.len();
+    }
+    ranks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_follow_their_formulas() {
+        let reference = [Vec3::splat(1.0), Vec3::splat(3.0)];
+        let found = [Vec3::new(1.0, 1.0, 4.0), Vec3::splat(2.0)];
+        let error = MethodError::of(&found, &reference).expect("light");
+        // Errors 0 0 3, -1 -1 -1: squares sum to 12 over 6 values; mean 2.
+        assert!((error.nrmse - 2.0f64.sqrt() / 2.0).abs() < 1e-12);
+        assert!((error.bias - 0.0).abs() < 1e-12);
+        // Luminances: 1 + 3 x 0.0722 against 1, and 2 against 3. Weights are f64, colours exact.
+        assert!((error.median_relative - 3.0 * 0.0722).abs() < 1e-9);
+        assert!((error.p95_relative - 1.0 / 3.0).abs() < 1e-9);
+        assert_eq!(MethodError::of(&reference, &reference), Some(MethodError::default()));
+        assert_eq!(MethodError::of(&found, &[Vec3::ZERO; 2]), None);
+    }
+
+    #[test]
+    fn dark_receivers_are_measured_against_the_mean() {
+        let reference = [Vec3::ZERO, Vec3::splat(2.0)];
+        let found = [Vec3::splat(0.1), Vec3::splat(2.0)];
+        // 0.1 / (0.05 x 1); f32 holds 0.1 to 2^-27.
+        assert!((relative_errors(&found, &reference)[0] - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn percentiles_take_the_nearest_rank() {
+        let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!((percentile(&values, 0.5), percentile(&values, 0.95), percentile(&values, 1.0)), (50.0, 95.0, 100.0));
+        assert_eq!((percentile(&[7.0], 0.0), percentile(&[], 0.5)), (7.0, 0.0));
+    }
+
+    #[test]
+    fn rank_correlation_ignores_monotone_changes() {
+        let values: Vec<f64> = (0..50).map(|i| f64::from(i * 37 % 50)).collect();
+        let cubes: Vec<f64> = values.iter().map(|value| value.powi(3)).collect();
+        let falling: Vec<f64> = values.iter().map(|value| -value).collect();
+        assert!((rank_correlation(&values, &cubes).expect("varied") - 1.0).abs() < 1e-12);
+        assert!((rank_correlation(&values, &falling).expect("varied") + 1.0).abs() < 1e-12);
+        assert_eq!(rank_correlation(&values, &[1.0; 50]), None);
+        // Ties: ranks 0.5 0.5 2 against 0 1 2; covariance 1.5, variances 1.5 and 2.
+        let tied = rank_correlation(&[1.0, 1.0, 2.0], &[1.0, 2.0, 3.0]).expect("varied");
+        assert!((tied - 1.5 / 3.0f64.sqrt()).abs() < 1e-12, "{tied}");
+    }
+}

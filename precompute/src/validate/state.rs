@@ -1,0 +1,264 @@
+//! One lighting state, measured: reference, methods, parts of the error, steps, leak and views.
+
+use super::{
+    MeasureSettings,
+    flip::mean_flip,
+    last_leg::{LastLeg, last_leg},
+    lit::{Lit, light},
+    metrics::{MethodError, mean},
+    parts::{ErrorParts, Worst, parts},
+    path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings, luminance},
+    selection::{Pairs, spread, thin},
+    steps::Steps,
+    subject::Subject,
+};
+use crate::{
+    error::BakeError,
+    picture::Exposure,
+    progress::Progress,
+};
+use glam::Vec3;
+use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
+use localprt_scenes::{Camera, Lighting};
+use serde::Serialize;
+
+/// Names of the methods, in the order of [`StateFindings::methods`].
+pub const METHODS: [&str; 4] = ["compressed", "uncompressed", "spatial", "arikan"];
+
+/// Receivers whose reference is below this times the mean get no light to speak of: what they show is leak.
+const SEALED: f64 = 1e-4;
+
+/// A lighting state to validate under.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Name as shown: a file name, or what it is.
+    pub name: String,
+    /// What shines.
+    pub lighting: Lighting,
+    /// Whether a quality limit applies to it.
+    pub counts: bool,
+}
+
+/// Light at receivers that get none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Leak {
+    /// Measured receivers whose reference is below 1e-4 of the mean.
+    pub receivers: usize,
+    /// Mean of the compressed light there over the mean of the reference everywhere; luminance.
+    pub mean: f64,
+    /// Largest of the same.
+    pub max: f64,
+}
+
+/// FLIP of one view and the views' own noise.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Name of the camera.
+    pub camera: String,
+    /// Light of its primary rays.
+    pub light: ViewLight,
+    /// Exposure of its pictures.
+    pub ev: f32,
+}
+
+/// Everything measured under one lighting state.
+#[derive(Debug)]
+pub struct StateFindings {
+    /// The state.
+    pub state: State,
+    /// Reference at the measured receivers.
+    pub reference: Estimates,
+    /// Mean of the reference over receivers and bands, W m^-2.
+    pub mean: f64,
+    /// The compressed relight.
+    pub lit: Lit,
+    /// Last leg at the measured receivers.
+    pub legs: Vec<LastLeg>,
+    /// Irradiance maps of [`METHODS`], gutters filled.
+    pub maps: [CoverageMap; 4],
+    /// Errors of [`METHODS`].
+    pub methods: [MethodError; 4],
+    /// What the error is made of.
+    pub parts: ErrorParts,
+    /// Reasons of the worst receivers.
+    pub worst: Worst,
+    /// Steps across borders.
+    pub steps: Steps,
+    /// Light where there should be none.
+    pub leak: Leak,
+    /// Views.
+    pub views: Vec<View>,
+    /// FLIP between two independent halves of the reference pictures: what noise alone gives, and more.
+    pub flip_noise: f64,
+}
+
+/// Measures one state at the receivers `sample`, in file order.
+///
+/// # Errors
+/// [`BakeError::Scene`] where no light reaches any receiver; those of the relight; [`BakeError::Cancelled`].
+pub fn measure(
+    subject: &Subject<'_>,
+    state: &State,
+    sample: &[u32],
+    pairs: &Pairs,
+    cameras: &[Camera],
+    settings: &MeasureSettings,
+    progress: &Progress,
+) -> Result<StateFindings, BakeError> {
+    let lighting = &state.lighting;
+    let lit = light(subject, lighting, settings.bounces, progress)?;
+    let tracer = PathTracer::new(subject.caster, lighting, settings.bounces, settings.seed);
+    let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
+    let reference = tracer.estimate(&points, settings.budget, progress)?;
+    let mean = mean(&reference.irradiance);
+    if !(mean > 0.0) {
+        return Err(BakeError::Scene {
+            what: format!("no indirect light reaches any receiver under {}: there is nothing to compare", state.name),
+            place: None,
+            remedy: "give a lighting file that shines on the scene with --lights".into(),
+        });
+    }
+    let views = views(&tracer, cameras, settings, progress)?;
+
+    // Receivers that the sample, the pairs and the pictures need, each once.
+    let seen = thin(&seen_receivers(subject, &views), settings.picture_receivers as usize);
+    let mut needed: Vec<u32> = sample.iter().copied().chain(pairs.receivers()).chain(seen).collect();
+    needed.sort_unstable();
+    needed.dedup();
+    let all_legs = last_leg(subject, &lit, lighting, &needed, progress)?;
+    let place = |receiver: u32| needed.binary_search(&receiver).expect("measured receivers are among those needed");
+    let legs: Vec<LastLeg> = sample.iter().map(|&receiver| all_legs[place(receiver)]).collect();
+
+    let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
+    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.spatial, leg.arikan];
+    let map_of = |method: usize| {
+        let values: Vec<Vec3> = all_legs.iter().map(|leg| of_method(leg)[method]).collect();
+        irradiance_map(subject, &spread(subject, &needed, &values))
+    };
+    let maps = [lit.relit.irradiance_map.clone(), map_of(0), map_of(1), map_of(2)];
+    let error = |method: usize| {
+        let values: Vec<Vec3> = match method {
+            0 => compressed.clone(),
+            _ => legs.iter().map(|leg| of_method(leg)[method - 1]).collect(),
+        };
+        let flips = views.iter().map(|view| view.flip(&maps[method]));
+        let flip = flips.sum::<f64>() / views.len().max(1) as f64;
+        MethodError { flip, ..MethodError::of(&values, &reference.irradiance).unwrap_or_default() }
+    };
+    let methods = [0, 1, 2, 3].map(error);
+
+    let (parts, worst) = parts(&legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
+    let brightness = |color: Vec3| luminance(color.as_dvec3());
+    let brightness_mean =
+        reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / sample.len().max(1) as f64;
+    let steps = Steps::of(
+        pairs,
+        |receiver| brightness(lit.relit.irradiance[receiver as usize]),
+        |receiver| brightness(all_legs[place(receiver)].uncompressed),
+        brightness_mean,
+    );
+    let leak = leak(&compressed, &reference.irradiance, brightness_mean);
+    let flip_noise = views.iter().map(View::flip_noise).sum::<f64>() / views.len().max(1) as f64;
+    Ok(StateFindings {
+        state: state.clone(),
+        reference,
+        mean,
+        lit,
+        legs,
+        maps,
+        methods,
+        parts,
+        worst,
+        steps,
+        leak,
+        views,
+        flip_noise,
+    })
+}
+
+fn views(
+    tracer: &PathTracer<'_>,
+    cameras: &[Camera],
+    settings: &MeasureSettings,
+    progress: &Progress,
+) -> Result<Vec<View>, BakeError> {
+    let view = |camera: &Camera| {
+        let aspect = camera.aspect.filter(|aspect| (0.1..=10.0).contains(aspect)).unwrap_or(4.0 / 3.0);
+        let size = ViewSettings {
+            width: settings.picture_width,
+            height: ((settings.picture_width as f32 / aspect).round() as u32).max(1),
+            rays_per_axis: 2,
+            paths: settings.picture_paths.div_ceil(4),
+        };
+        let light = tracer.view(camera, size, progress)?;
+        let ev = Exposure::Auto.ev(&light.picture(|light| light.radiance(light.reference())).pixels);
+        Ok(View { camera: camera.name.clone(), light, ev })
+    };
+    cameras.iter().map(view).collect()
+}
+
+impl View {
+    /// Mean FLIP against the reference of a picture with indirect light from a map.
+    fn flip(&self, map: &CoverageMap) -> f64 {
+        let picture = self.light.picture(|light| light.radiance(sampled(map, light)));
+        mean_flip(&picture, &self.light.picture(|light| light.radiance(light.reference())), self.ev)
+    }
+
+    fn flip_noise(&self) -> f64 {
+        let half = |half: usize| self.light.picture(|light| light.radiance(light.indirect[half]));
+        mean_flip(&half(0), &half(1), self.ev)
+    }
+}
+
+/// Indirect irradiance that a map holds at what a primary ray met.
+pub fn sampled(map: &CoverageMap, light: &PixelLight) -> Vec3 {
+    light.uv.and_then(|uv| map.sample(uv)).unwrap_or(Vec3::ZERO)
+}
+
+/// Values at `[n_receivers]` as a map to be read bilinearly, gutters filled.
+pub fn irradiance_map(subject: &Subject<'_>, values: &[Vec3]) -> CoverageMap {
+    let mut map = CoverageMap::uncovered(subject.view.metadata.lightmap_size);
+    gutter_dilation(&subject.checked, values, &mut map);
+    map
+}
+
+/// Receivers in whose texels the views' primary rays end.
+fn seen_receivers(subject: &Subject<'_>, views: &[View]) -> Vec<u32> {
+    let mut seen: Vec<u32> = views
+        .iter()
+        .flat_map(|view| &view.light.rays)
+        .filter_map(|light| subject.receiver_at(light.uv?))
+        .collect();
+    seen.sort_unstable();
+    seen.dedup();
+    seen
+}
+
+fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
+    let brightness = |color: &Vec3| luminance(color.as_dvec3());
+    let sealed: Vec<f64> = compressed
+        .iter()
+        .zip(reference)
+        .filter(|(_, reference)| brightness(reference) < SEALED * mean)
+        .map(|(compressed, _)| brightness(compressed) / mean)
+        .collect();
+    Leak {
+        receivers: sealed.len(),
+        mean: sealed.iter().sum::<f64>() / sealed.len().max(1) as f64,
+        max: sealed.iter().copied().fold(0.0, f64::max),
+    }
+}
+
+impl StateFindings {
+    /// Compressed irradiance at the measured receivers.
+    pub fn compressed(&self, sample: &[u32]) -> Vec<Vec3> {
+        sample.iter().map(|&receiver| self.lit.relit.irradiance[receiver as usize]).collect()
+    }
+
+    /// `|E - E_ref|` of luminance at the measured receivers, W m^-2.
+    pub fn absolute_errors(&self, sample: &[u32]) -> Vec<f64> {
+        let brightness = |color: Vec3| luminance(color.as_dvec3());
+        let pairs = self.compressed(sample).into_iter().zip(&self.reference.irradiance);
+        pairs.map(|(found, &reference)| (brightness(found) - brightness(reference)).abs()).collect()
+    }
+}

@@ -1,0 +1,187 @@
+//! What is validated: a baked file and its scene, with what the bake knew and the file leaves out brought back.
+//!
+//! A file holds compressed clusters only. Geometric normals, supporting probes and gather directions are functions of the
+//! scene, the options and the probes, all of which it does hold; they are computed again here, by the bake's own stages,
+//! and checked against the file.
+
+use crate::{
+    error::BakeError,
+    lightmap::{Atlas, ReceiverSet, receivers},
+    probes::{self, ProbeSet, Support},
+    progress::{Cancelled, Progress},
+    rays::RayCaster,
+    settings::{BakeSettings, Preset},
+    transport::{GatherSet, TransportScene},
+    validate::path_tracer::SurfacePoint,
+};
+use glam::{Vec2, Vec3};
+use localprt_formats::{BakedView, sh};
+use localprt_runtime::CheckedBake;
+
+/// A baked file under validation.
+pub struct Subject<'a> {
+    /// The file's arrays.
+    pub view: BakedView<'a>,
+    /// Rays against the file's scene.
+    pub caster: &'a RayCaster<'a>,
+    /// Options of the bake.
+    pub settings: BakeSettings,
+    /// Lightmap layout.
+    pub atlas: Atlas,
+    /// The file, checked for relighting.
+    pub checked: CheckedBake<'a>,
+    /// Cluster of each receiver, in file order.
+    pub cluster: Vec<u32>,
+    /// Receiver of each texel of the receiver map; `u32::MAX` where there is none.
+    pub at_texel: Vec<u32>,
+    /// Receivers as the bake placed them.
+    placed: ReceiverSet,
+    /// Place in `placed` of each receiver in file order.
+    place: Vec<u32>,
+    probes: ProbeSet,
+    support: Support,
+    gather: GatherSet,
+    probe_basis: sh::Basis,
+    sky_basis: sh::Basis,
+}
+
+impl<'a> Subject<'a> {
+    /// Brings back what the file leaves out. The caster's scene is the one that the file was baked from.
+    ///
+    /// # Errors
+    /// [`BakeError::Scene`] if scene and file do not fit each other, as after a bake by another version of this program;
+    /// [`BakeError::Cancelled`].
+    pub fn new(view: BakedView<'a>, caster: &'a RayCaster<'a>, progress: &Progress) -> Result<Self, BakeError> {
+        let _stage = progress.stage("receivers and probes", 0);
+        let metadata = view.metadata;
+        let settings = BakeSettings::resolve(
+            Preset::Production,
+            Some(("options of the bake", &metadata.options)),
+            &toml::Table::new(),
+        )?;
+        let atlas = Atlas::of(caster.scene());
+        let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
+        let placed = receivers::place(caster.scene(), &atlas, caster, metadata.lightmap_size, &watch).ok_or(Cancelled)?;
+
+        let mut at_texel = vec![u32::MAX; metadata.lightmap_size as usize * metadata.lightmap_size as usize];
+        for (place, &texel) in placed.texel.iter().enumerate() {
+            at_texel[texel as usize] = place as u32;
+        }
+        let place: Vec<u32> = view.receiver_texel.iter().map(|&texel| at_texel[texel as usize]).collect();
+        let stands_there = |(&place, position): (&u32, &[f32; 3])| {
+            placed.position.get(place as usize).is_some_and(|placed| placed.distance(Vec3::from(*position)) <= caster.offset_m())
+        };
+        let strays = place.iter().zip(view.receiver_position).filter(|&pair| !stands_there(pair)).count();
+        if strays > 0 || placed.len() != view.receiver_texel.len() {
+            let count = view.receiver_texel.len();
+            return Err(does_not_fit(&format!("{strays} of its {count} receivers stand elsewhere on this scene")));
+        }
+        let positions: Vec<Vec3> = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
+        let (probes, support) =
+            probes::link(caster, &positions, &placed.position, &placed.geometric_normal, &settings)
+                .map_err(|error| does_not_fit(&error.to_string()))?;
+        let stored_m = view.probes.first().map_or(0.0, |probe| probe.support_radius_m);
+        // The search ends on the same radius for the same receivers and probes.
+        if (probes.radius_m - stored_m).abs() > 1e-5 * stored_m {
+            return Err(does_not_fit(&format!("its support radius is {stored_m} m, not {} m", probes.radius_m)));
+        }
+
+        for (receiver, &texel) in view.receiver_texel.iter().enumerate() {
+            at_texel[texel as usize] = receiver as u32;
+        }
+        let mut cluster = vec![0; place.len()];
+        for (index, record) in view.clusters.iter().enumerate() {
+            cluster[record.first_receiver as usize..][..record.n_receivers as usize].fill(index as u32);
+        }
+        Ok(Self {
+            gather: GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed),
+            probe_basis: sh::Basis::new(metadata.probe_degree),
+            sky_basis: sh::Basis::new(metadata.sky_degree),
+            view,
+            caster,
+            checked: CheckedBake::new(view).map_err(|error| does_not_fit(&error.to_string()))?,
+            settings,
+            atlas,
+            cluster,
+            at_texel,
+            placed,
+            place,
+            probes,
+            support,
+        })
+    }
+
+    /// Number of receivers.
+    pub fn len(&self) -> usize {
+        self.place.len()
+    }
+
+    /// True without receivers.
+    pub fn is_empty(&self) -> bool {
+        self.place.is_empty()
+    }
+
+    /// The transport stage of the bake. Its receivers are numbered by [`Subject::place`].
+    pub fn transport(&self) -> TransportScene<'_> {
+        TransportScene {
+            caster: self.caster,
+            receivers: &self.placed,
+            probes: &self.probes,
+            support: &self.support,
+            gather: &self.gather,
+            probe_basis: &self.probe_basis,
+            sky_basis: &self.sky_basis,
+        }
+    }
+
+    /// Number of a receiver, given in file order, in the transport stage.
+    pub fn place(&self, receiver: u32) -> u32 {
+        self.place[receiver as usize]
+    }
+
+    /// A receiver, in file order, as a point that receives light.
+    pub fn point(&self, receiver: u32) -> SurfacePoint {
+        let place = self.place(receiver) as usize;
+        SurfacePoint {
+            position: self.placed.position[place],
+            normal: self.placed.normal[place],
+            geometric_normal: self.placed.geometric_normal[place],
+        }
+    }
+
+    /// The receiver, in file order, of the texel at a lightmap coordinate.
+    pub fn receiver_at(&self, uv: Vec2) -> Option<u32> {
+        let size = self.view.metadata.lightmap_size;
+        let texel = (uv * size as f32).clamp(Vec2::ZERO, Vec2::splat(size as f32 - 1.0));
+        let receiver = self.at_texel[(texel.y as u32 * size + texel.x as u32) as usize];
+        (receiver != u32::MAX).then_some(receiver)
+    }
+
+    /// Chart of a receiver in file order.
+    pub fn chart(&self, receiver: u32) -> u32 {
+        self.placed.chart[self.place(receiver) as usize]
+    }
+
+    /// Supporting probes of a receiver in file order.
+    pub fn supporting(&self, receiver: u32) -> &[u32] {
+        self.support.of(self.place(receiver) as usize)
+    }
+
+    /// Radius of the weight kernel at a receiver in file order, metres.
+    pub fn radius_m(&self, receiver: u32) -> f32 {
+        self.support.radius_m[self.place(receiver) as usize]
+    }
+
+    /// Probe positions, metres.
+    pub fn probe_positions(&self) -> &[Vec3] {
+        &self.probes.positions
+    }
+}
+
+fn does_not_fit(what: &str) -> BakeError {
+    BakeError::Scene {
+        what: format!("the file does not fit its scene: {what}"),
+        place: None,
+        remedy: "bake it again with this version of precompute".into(),
+    }
+}
