@@ -7,13 +7,14 @@
 //! E_0 = 0,   E_k(x) = ∫ L_(k-1)(Γ(x, ω)) max(n·ω, 0) dω,   L_k = Le + albedo/pi (D + E_k),   sky where rays leave
 //! ```
 //!
-//! with D the irradiance straight from punctual lights. Directions are sampled by the cosine; emissive triangles are
-//! sampled as well, and both are combined by multiple importance sampling (balance heuristic, Veach and Guibas 1995).
-//! Paths end by Russian roulette, so a large number of gathers costs little and is the converged solution.
+//! with D the irradiance straight from punctual lights. Directions are sampled by the cosine; emissive triangles and the
+//! surfaces that lamps shine on are sampled as well, and all are combined by multiple importance sampling (balance
+//! heuristic, Veach and Guibas 1995). Paths end by Russian roulette, so a large number of gathers costs little and is the
+//! converged solution.
 
-mod direct;
 mod emitters;
 mod estimate;
+mod lamps;
 mod picture;
 #[cfg(test)]
 mod tests;
@@ -23,6 +24,7 @@ pub use picture::{PixelLight, ViewLight, ViewSettings};
 
 use crate::rays::{RayCaster, SurfaceHit, frame};
 use emitters::Emitters;
+use lamps::{Lamps, to_solid_angle};
 use glam::{DVec3, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, SurfaceShading};
@@ -45,6 +47,7 @@ pub struct PathTracer<'a> {
     lighting: &'a Lighting,
     shading: SurfaceShading<'a>,
     emitters: Emitters,
+    lamps: Lamps,
     bounces: u32,
     seed: u64,
 }
@@ -72,7 +75,8 @@ impl<'a> PathTracer<'a> {
     pub fn new(caster: &'a RayCaster<'a>, lighting: &'a Lighting, bounces: u32, seed: u64) -> Self {
         let shading = SurfaceShading::new(caster.scene(), lighting);
         let emitters = Emitters::of(caster.scene(), &shading);
-        Self { caster, lighting, shading, emitters, bounces, seed }
+        let lamps = Lamps::of(&lighting.lights, caster.scene());
+        Self { caster, lighting, shading, emitters, lamps, bounces, seed }
     }
 
     /// One estimate of E_k at a point, W m^-2, and the rays it took. `first` chooses the first direction on the unit
@@ -90,7 +94,13 @@ impl<'a> PathTracer<'a> {
                 sum += weight * self.from_emitters(&point, origin, random);
                 rays += 1;
             }
+            if self.lamps.are_sampled() {
+                let (light, traced) = self.from_lamps(&point, origin, random);
+                sum += weight * light;
+                rays += traced;
+            }
             let local = Vec3::from(cosine_hemisphere(square));
+            let by_cosine = local.z * FRAC_1_PI;
             let (tangent, bitangent) = frame(point.normal);
             let dir = tangent * local.x + bitangent * local.y + point.normal * local.z;
             if dir.dot(point.geometric_normal) <= 0.0 {
@@ -105,16 +115,16 @@ impl<'a> PathTracer<'a> {
             let Some(face) = hit.point else { break };
             let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
             if emission != Vec3::ZERO {
-                let by_cosine = local.z * FRAC_1_PI;
                 let by_emitter = self.emitters.density(&hit, dir);
                 sum += weight * PI * emission * (by_cosine / (by_cosine + by_emitter));
             }
             // pi from the density, albedo / pi from the reflection.
             weight *= self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
             point = self.surface_point(&hit);
-            let (direct, shadow_rays) = self.direct(&point, random);
-            sum += weight * direct;
-            rays += shadow_rays;
+            let direct = self.direct(&point, random);
+            let by_lamps = to_solid_angle(direct.density, hit.t, hit.normal.dot(dir));
+            sum += weight * direct.irradiance * (by_cosine / (by_cosine + by_lamps));
+            rays += direct.rays;
             if gather == self.bounces {
                 break;
             }

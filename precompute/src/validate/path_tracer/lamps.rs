@@ -1,0 +1,209 @@
+//! Punctual lights: what they give directly, and the bright spots that they put on surfaces.
+//!
+//! A lamp close to a wall makes a small spot that lights the whole room and that few cosine-distributed rays find. So
+//! surface points are sampled from the lamps as well: a ray leaves a lamp, and where it lands is joined to the point that
+//! gathers. Both ways of finding a point are combined by the balance heuristic.
+
+use super::{PathTracer, Random, SurfacePoint};
+use glam::Vec3;
+use localprt_scenes::{Light, LightKind, Scene};
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
+
+/// Up to this many lights are all asked, which leaves no noise; of more, a few are drawn.
+const MOST_LIGHTS: usize = 8;
+/// How many are drawn.
+const DRAWN: usize = 4;
+/// A joining ray has to end this near to the sampled point, times the ray offset.
+const SAME_POINT: f32 = 4.0;
+
+/// The lights of a state as places that light is sent from.
+pub(super) struct Lamps {
+    lights: Vec<Light>,
+    /// Running sums of the lights' probabilities; empty where none is sampled.
+    rising: Vec<f64>,
+    /// Middle and radius of a ball around the scene, metres: where parallel light comes from.
+    center: Vec3,
+    radius: f32,
+}
+
+/// Direct light at a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Direct {
+    /// Irradiance, W m^-2.
+    pub irradiance: Vec3,
+    /// Density, per square metre, with which [`PathTracer::from_lamps`] lands on the point.
+    pub density: f32,
+    /// Shadow rays taken.
+    pub rays: u32,
+}
+
+impl Lamps {
+    pub(super) fn of(lights: &[Light], scene: &Scene) -> Self {
+        let (low, high) = scene.bounds().unwrap_or_default();
+        let mut lamps = Self {
+            lights: lights.to_vec(),
+            rising: Vec::new(),
+            center: (low + high) / 2.0,
+            radius: (scene.extent() / 2.0).max(f32::MIN_POSITIVE),
+        };
+        if lights.len() > MOST_LIGHTS {
+            return lamps;
+        }
+        let mut total = 0.0;
+        for light in lights {
+            total += f64::from((light.color * light.intensity).max_element() / lamps.ray_density(light)).max(0.0);
+            lamps.rising.push(total);
+        }
+        if total > 0.0 {
+            lamps.rising.iter_mut().for_each(|end| *end /= total);
+        } else {
+            lamps.rising.clear();
+        }
+        lamps
+    }
+
+    /// Whether bright spots are sampled.
+    pub(super) fn are_sampled(&self) -> bool {
+        !self.rising.is_empty()
+    }
+
+    fn probability(&self, light: usize) -> f32 {
+        match self.rising.get(light) {
+            Some(end) => (end - if light > 0 { self.rising[light - 1] } else { 0.0 }) as f32,
+            None => 0.0,
+        }
+    }
+
+    /// Density of the rays that are sent from a light: per steradian, or per square metre across parallel light.
+    fn ray_density(&self, light: &Light) -> f32 {
+        match light.kind {
+            LightKind::Point => 1.0 / (2.0 * TAU),
+            LightKind::Spot { outer_cone, .. } => 1.0 / (TAU * (1.0 - outer_cone.cos()).max(1e-6)),
+            LightKind::Directional => FRAC_1_PI / (self.radius * self.radius),
+        }
+    }
+
+    /// A ray sent from a light: origin and direction.
+    fn ray(&self, light: &Light, [u, v]: [f64; 2]) -> (Vec3, Vec3) {
+        let (sin, cos) = (TAU * v as f32).sin_cos();
+        let (tangent, bitangent) = crate::rays::frame(light.direction);
+        let around = |z: f32| {
+            let across = (1.0 - z * z).max(0.0).sqrt();
+            (tangent * cos + bitangent * sin) * across + light.direction * z
+        };
+        match light.kind {
+            LightKind::Point => (light.position, around(1.0 - 2.0 * u as f32)),
+            LightKind::Spot { outer_cone, .. } => (light.position, around(1.0 - u as f32 * (1.0 - outer_cone.cos()))),
+            LightKind::Directional => {
+                let across = (tangent * cos + bitangent * sin) * (u as f32).sqrt() * self.radius;
+                (self.center + across - light.direction * self.radius, light.direction)
+            }
+        }
+    }
+}
+
+impl PathTracer<'_> {
+    /// Light straight from the lamps at a point. Of many lamps a few are drawn with probabilities proportional to the light
+    /// they would give without shadows.
+    pub(super) fn direct(&self, point: &SurfacePoint, random: &mut Random) -> Direct {
+        if self.lamps.lights.len() > MOST_LIGHTS {
+            return self.direct_drawn(point, random);
+        }
+        let mut direct = Direct::default();
+        for index in 0..self.lamps.lights.len() {
+            let one = self.direct_of(index, point);
+            direct.irradiance += one.irradiance;
+            direct.density += one.density;
+            direct.rays += one.rays;
+        }
+        direct
+    }
+
+    fn direct_of(&self, index: usize, point: &SurfacePoint) -> Direct {
+        let light = &self.lamps.lights[index];
+        let Some(incident) = light.incident(point.position) else { return Direct::default() };
+        let cosine = point.normal.dot(incident.dir_to_light);
+        let across = point.geometric_normal.dot(incident.dir_to_light);
+        if cosine <= 0.0 || across <= 0.0 {
+            return Direct::default();
+        }
+        let origin = point.position + point.geometric_normal * self.caster.offset_m();
+        let (is_free, spread) = if incident.distance.is_finite() {
+            (self.caster.visible(origin, light.position), across / (incident.distance * incident.distance))
+        } else {
+            (self.caster.escapes(origin, incident.dir_to_light), across)
+        };
+        if !is_free {
+            return Direct { rays: 1, ..Direct::default() };
+        }
+        let density = self.lamps.probability(index) * self.lamps.ray_density(light) * spread;
+        Direct { irradiance: incident.irradiance * cosine, density, rays: 1 }
+    }
+
+    fn direct_drawn(&self, point: &SurfacePoint, random: &mut Random) -> Direct {
+        let mut total = 0.0;
+        let rising: Vec<f64> = self
+            .lamps
+            .lights
+            .iter()
+            .map(|light| {
+                total += light.incident(point.position).map_or(0.0, |incident| {
+                    let cosine = point.normal.dot(incident.dir_to_light).max(0.0);
+                    f64::from(cosine * incident.irradiance.max_element())
+                });
+                total
+            })
+            .collect();
+        let mut direct = Direct::default();
+        if total <= 0.0 {
+            return direct;
+        }
+        for _ in 0..DRAWN {
+            let at = random.next() * total;
+            let chosen = rising.partition_point(|&end| end <= at).min(rising.len() - 1);
+            let share = (rising[chosen] - if chosen > 0 { rising[chosen - 1] } else { 0.0 }) / total;
+            if share > 0.0 {
+                let one = self.direct_of(chosen, point);
+                direct.irradiance += one.irradiance / (share as f32 * DRAWN as f32);
+                direct.rays += one.rays;
+            }
+        }
+        direct
+    }
+
+    /// Irradiance at a point by way of one surface point that a lamp shines on, weighted against sampling by the cosine;
+    /// and the rays it took.
+    pub(super) fn from_lamps(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> (Vec3, u32) {
+        let which = random.next();
+        let index = self.lamps.rising.partition_point(|&end| end <= which).min(self.lamps.lights.len() - 1);
+        let (start, sent) = self.lamps.ray(&self.lamps.lights[index], random.pair());
+        let Some(landed) = self.caster.closest_hit(start, sent).filter(|hit| hit.point.is_some()) else {
+            return (Vec3::ZERO, 1);
+        };
+        let dir = (landed.position - origin).normalize_or_zero();
+        let cosine = point.normal.dot(dir);
+        if cosine <= 0.0 || point.geometric_normal.dot(dir) <= 0.0 || landed.normal.dot(dir) >= 0.0 {
+            return (Vec3::ZERO, 1);
+        }
+        let near = SAME_POINT * self.caster.offset_m();
+        let Some(hit) = self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near)
+        else {
+            return (Vec3::ZERO, 2);
+        };
+        let Some(face) = hit.point else { return (Vec3::ZERO, 2) };
+        let lit = self.surface_point(&hit);
+        // What the chosen lamp itself does not light, by range or rounding, is left to the cosine.
+        if self.direct_of(index, &lit).density <= 0.0 {
+            return (Vec3::ZERO, 3);
+        }
+        let direct = self.direct(&lit, random);
+        let by_lamps = to_solid_angle(direct.density, hit.t, hit.normal.dot(dir));
+        let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
+        (albedo / PI * direct.irradiance * cosine / (by_lamps + cosine * FRAC_1_PI), 3 + direct.rays)
+    }
+}
+
+/// Density per square metre of a surface to density per steradian seen from `distance` metres.
+pub(super) fn to_solid_angle(density: f32, distance: f32, cosine: f32) -> f32 {
+    if density > 0.0 { density * distance * distance / cosine.abs().max(f32::MIN_POSITIVE) } else { 0.0 }
+}
