@@ -2,7 +2,7 @@
 
 use super::Rgb8Image;
 use super::axis::{Axis, number};
-use super::canvas::{self, Align, Canvas, GRID, INK, MUTED, PAPER};
+use super::canvas::{self, Align, Canvas, GRID, INK, MUTED};
 use super::chart::{PALETTE, SMALLEST, draw_title};
 
 /// Horizontal bars from zero, each with its name before and its number behind it.
@@ -24,9 +24,7 @@ impl BarChart {
 
     /// As pixels.
     pub fn to_image(&self, width: u32, height: u32) -> Rgb8Image {
-        let mut image = Rgb8Image::filled(width.max(SMALLEST[0]), self.height(height), PAPER);
-        canvas::paint(&mut image, |canvas| self.draw(canvas));
-        image
+        canvas::image(width.max(SMALLEST[0]), self.height(height), |canvas| self.draw(canvas))
     }
 
     /// As asked, but enough to read every name.
@@ -35,7 +33,7 @@ impl BarChart {
     }
 
     fn draw(&self, canvas: &dyn Canvas) {
-        const SIZE: i32 = 15;
+        const SIZE: i32 = 16;
         let [width, height] = canvas.size();
         let top = draw_title(canvas, &self.title) + 4;
         let bottom = height - if self.x_label.is_empty() { 10 } else { 36 };

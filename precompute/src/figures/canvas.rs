@@ -39,7 +39,7 @@ pub(super) trait Canvas {
     fn size(&self) -> [i32; 2];
     /// Text at a place: its height centered on `at`.
     fn text(&self, text: &str, at: [i32; 2], size: i32, color: [u8; 3], align: Align);
-    /// A filled rectangle between two corners, the second one outside.
+    /// A filled rectangle from one corner up to another one.
     fn rect(&self, from: [i32; 2], to: [i32; 2], color: [u8; 3]);
     /// A filled outline.
     fn polygon(&self, points: &[[i32; 2]], color: [u8; 3]);
@@ -54,19 +54,36 @@ pub(super) fn svg(width: u32, height: u32, draw: impl Fn(&dyn Canvas)) -> String
     {
         let area = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
         in_memory(area.fill(&rgb(PAPER)));
-        draw(&area);
-        in_memory(area.present());
+        let surface = Surface { area, zoom: 1, drop: 0.0 };
+        draw(&surface);
+        in_memory(surface.area.present());
     }
     text
 }
 
-/// Draws over a picture.
-pub(super) fn paint(image: &mut Rgb8Image, draw: impl Fn(&dyn Canvas)) {
+/// Draws as pixels.
+pub(super) fn image(width: u32, height: u32, draw: impl Fn(&dyn Canvas)) -> Rgb8Image {
+    /// The library puts letters and edges on whole pixels, which shows unless these are smaller than those of the picture.
+    const FINER: u32 = 3;
     register();
-    let size = (image.width, image.height);
-    let area = BitMapBackend::with_buffer(&mut image.pixels, size).into_drawing_area();
-    draw(&area);
-    in_memory(area.present());
+    let mut large = Rgb8Image::filled(width * FINER, height * FINER, PAPER);
+    {
+        let size = (large.width, large.height);
+        let area = BitMapBackend::with_buffer(&mut large.pixels, size).into_drawing_area();
+        let surface = Surface { area, zoom: FINER as i32, drop: 0.1 };
+        draw(&surface);
+        in_memory(surface.area.present());
+    }
+    let mut small = Rgb8Image::filled(width, height, PAPER);
+    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let mut sum = [0; 3];
+        for part in 0..FINER * FINER {
+            let color = large.pixel(x * FINER + part % FINER, y * FINER + part / FINER);
+            sum = [0, 1, 2].map(|channel| sum[channel] + u32::from(color[channel]));
+        }
+        small.set(x, y, sum.map(|sum| (sum / (FINER * FINER)) as u8));
+    }
+    small
 }
 
 /// Width of a text in pixels.
@@ -126,10 +143,33 @@ fn font(size: i32) -> FontDesc<'static> {
     ("sans-serif", size).into_font()
 }
 
-impl<B: DrawingBackend> Canvas for DrawingArea<B, Shift> {
+/// A drawing area whose pixels are `zoom` times smaller than those that figures count.
+struct Surface<B: DrawingBackend> {
+    area: DrawingArea<B, Shift>,
+    zoom: i32,
+    /// How far to lower texts, as a share of their size: the library centers the letters of SVG, but those of pixels too
+    /// high, as seen beside a line.
+    drop: f64,
+}
+
+impl<B: DrawingBackend> Surface<B> {
+    fn at(&self, point: [i32; 2]) -> (i32, i32) {
+        (point[0] * self.zoom, point[1] * self.zoom)
+    }
+
+    fn font(&self, size: i32, color: [u8; 3]) -> TextStyle<'static> {
+        font(size * self.zoom).color(&rgb(color))
+    }
+
+    fn stroke(&self, width: i32, color: [u8; 3]) -> ShapeStyle {
+        rgb(color).stroke_width((width * self.zoom) as u32)
+    }
+}
+
+impl<B: DrawingBackend> Canvas for Surface<B> {
     fn size(&self) -> [i32; 2] {
-        let (width, height) = self.dim_in_pixel();
-        [width as i32, height as i32]
+        let (width, height) = self.area.dim_in_pixel();
+        [width as i32 / self.zoom, height as i32 / self.zoom]
     }
 
     fn text(&self, text: &str, at: [i32; 2], size: i32, color: [u8; 3], align: Align) {
@@ -138,32 +178,32 @@ impl<B: DrawingBackend> Canvas for DrawingArea<B, Shift> {
             Align::Middle => HPos::Center,
             Align::Right => HPos::Right,
         };
-        let style = font(size).color(&rgb(color)).pos(Pos::new(h_pos, VPos::Center));
-        in_memory(self.draw(&Text::new(text, (at[0], at[1]), style)));
+        let style = self.font(size, color).pos(Pos::new(h_pos, VPos::Center));
+        let (x, y) = self.at(at);
+        let y = y + (self.drop * f64::from(size * self.zoom)).round() as i32;
+        in_memory(self.area.draw(&Text::new(text, (x, y), style)));
     }
 
     fn rect(&self, from: [i32; 2], to: [i32; 2], color: [u8; 3]) {
-        // The library paints the second corner too.
-        let corners = [(from[0], from[1]), (to[0] - 1, to[1] - 1)];
-        in_memory(self.draw(&Rectangle::new(corners, rgb(color).filled())));
+        in_memory(self.area.draw(&Rectangle::new([self.at(from), self.at(to)], rgb(color).filled())));
     }
 
     fn polygon(&self, points: &[[i32; 2]], color: [u8; 3]) {
-        let points: Vec<(i32, i32)> = points.iter().map(|point| (point[0], point[1])).collect();
-        in_memory(self.draw(&Polygon::new(points, rgb(color).filled())));
+        let points: Vec<(i32, i32)> = points.iter().map(|&point| self.at(point)).collect();
+        in_memory(self.area.draw(&Polygon::new(points, rgb(color).filled())));
     }
 
     fn plot(&self, [from, to]: [[i32; 2]; 2], [x, y]: [&Axis; 2], names: [&str; 2], lines: &[Line<'_>]) {
-        const NUMBERS: i32 = 14;
-        let area = self.clone().shrink((from[0], from[1]), (to[0] - from[0], to[1] - from[1]));
+        const NUMBERS: i32 = 16;
+        let area = self.area.clone().shrink(self.at(from), self.at([to[0] - from[0], to[1] - from[1]]));
         let widest = y.ticks(Scale::Y_TICKS).iter().map(|&tick| text_width(&y.label(tick), NUMBERS)).max().unwrap_or(0);
         let name_room = |name: &str| if name.is_empty() { 0 } else { 24 };
         let mut chart = in_memory(
             ChartBuilder::on(&area)
-                .x_label_area_size(26 + name_room(names[0]))
-                .y_label_area_size(widest + 14 + name_room(names[1]))
-                .margin_right(16)
-                .margin_top(6)
+                .x_label_area_size((26 + name_room(names[0])) * self.zoom)
+                .y_label_area_size((widest + 14 + name_room(names[1])) * self.zoom)
+                .margin_right(20 * self.zoom)
+                .margin_top(10 * self.zoom)
                 .build_cartesian_2d(Scale(*x, Scale::X_TICKS), Scale(*y, Scale::Y_TICKS)),
         );
         in_memory(
@@ -171,21 +211,21 @@ impl<B: DrawingBackend> Canvas for DrawingArea<B, Shift> {
                 .configure_mesh()
                 .x_desc(names[0])
                 .y_desc(names[1])
-                .label_style(font(NUMBERS).color(&rgb(MUTED)))
-                .axis_desc_style(font(15).color(&rgb(INK)))
-                .axis_style(rgb(MUTED))
-                .bold_line_style(rgb(GRID))
+                .label_style(self.font(NUMBERS, INK))
+                .axis_desc_style(self.font(16, MUTED))
+                .axis_style(self.stroke(1, MUTED))
+                .bold_line_style(self.stroke(1, GRID))
                 .light_line_style(TRANSPARENT)
-                .set_all_tick_mark_size(4)
+                .set_all_tick_mark_size(4 * self.zoom)
                 .draw(),
         );
         for line in lines {
-            let color = rgb(line.color);
             for run in line.runs.iter().filter(|run| run.len() > 1) {
-                in_memory(chart.draw_series(LineSeries::new(run.iter().map(|p| (p[0], p[1])), color.stroke_width(2))));
+                let points = run.iter().map(|point| (point[0], point[1]));
+                in_memory(chart.draw_series(LineSeries::new(points, self.stroke(2, line.color))));
             }
-            let dots = line.runs.iter().flatten().map(|p| Circle::new((p[0], p[1]), 3, color.filled()));
-            in_memory(chart.draw_series(dots));
+            let dot = |p: &[f64; 2]| Circle::new((p[0], p[1]), 3 * self.zoom, rgb(line.color).filled());
+            in_memory(chart.draw_series(line.runs.iter().flatten().map(dot)));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Rgb8Image;
 use super::axis::Axis;
-use super::canvas::{self, Align, Canvas, INK, Line, MUTED, PAPER};
+use super::canvas::{self, Align, Canvas, INK, Line, MUTED};
 
 /// Colors of series in their order, then again from the first: told apart by most readers, on white and on near black.
 pub(super) const PALETTE: [[u8; 3]; 8] = [
@@ -54,9 +54,7 @@ impl Chart {
 
     /// As pixels.
     pub fn to_image(&self, width: u32, height: u32) -> Rgb8Image {
-        let mut image = Rgb8Image::filled(width.max(SMALLEST[0]), height.max(SMALLEST[1]), PAPER);
-        canvas::paint(&mut image, |canvas| self.draw(canvas));
-        image
+        canvas::image(width.max(SMALLEST[0]), height.max(SMALLEST[1]), |canvas| self.draw(canvas))
     }
 
     fn draw(&self, canvas: &dyn Canvas) {
@@ -73,7 +71,7 @@ impl Chart {
 
     /// Names with a stroke of their color, wrapped. Returns where the plot begins.
     fn draw_legend(&self, canvas: &dyn Canvas, top: i32) -> i32 {
-        const SIZE: i32 = 15;
+        const SIZE: i32 = 16;
         let width = canvas.size()[0];
         let left_out: usize = self.series.iter().flat_map(|series| &series.points).filter(|p| !self.holds(p)).count();
         let note = match left_out {
@@ -116,7 +114,7 @@ impl Chart {
 
 /// A title line. Returns where the rest begins.
 pub(super) fn draw_title(canvas: &dyn Canvas, title: &str) -> i32 {
-    const SIZE: i32 = 20;
+    const SIZE: i32 = 21;
     if title.is_empty() {
         return 8;
     }

@@ -27,30 +27,31 @@ pub struct HeatMap<'a> {
 
 /// Narrowest picture, in pixels: less holds no scale.
 const NARROWEST: u32 = 420;
-/// Rows above the map, if there is a title.
-const TITLE_ROWS: u32 = 36;
-/// Rows of the scale.
-const SCALE_ROWS: u32 = 64;
-/// Distance of texts and scale from the sides.
+
+// Sizes in pixels for a picture up to `LEGIBLE` wide; larger ones are shown reduced, so that their texts grow with them.
+const LEGIBLE: f32 = 640.0;
+const TITLE_ROWS: i32 = 36;
+const SCALE_ROWS: i32 = 68;
 const MARGIN: i32 = 14;
-const TEXT: i32 = 15;
+const TITLE: i32 = 19;
+const TEXT: i32 = 16;
 
 impl HeatMap<'_> {
     /// The picture. Small maps are magnified by a whole number and centered, see [`HeatMap::place`].
     pub fn draw(&self) -> Rgb8Image {
-        let frame = Frame::new(self.width, self.height, self.title, SCALE_ROWS);
+        let frame = Frame::new(self.width, self.height, self.title);
         let mut image = frame.picture(self.title, |index| match self.value(index) {
             Some(value) => self.ramp.color(self.position(value)),
             None => self.background,
         });
-        let top = frame.below() as i32;
-        canvas::paint(&mut image, |canvas| self.draw_scale(canvas, top));
+        let scale = canvas::image(image.width, frame.px(SCALE_ROWS) as u32, |canvas| self.draw_scale(canvas, &frame));
+        append(&mut image, &scale);
         image
     }
 
     /// Where the picture shows a value: column and row of the first pixel, and pixels per side.
     pub fn place(&self, column: u32, row: u32) -> [u32; 3] {
-        let frame = Frame::new(self.width, self.height, self.title, SCALE_ROWS);
+        let frame = Frame::new(self.width, self.height, self.title);
         [frame.left + column * frame.zoom, frame.top + row * frame.zoom, frame.zoom]
     }
 
@@ -64,37 +65,38 @@ impl HeatMap<'_> {
         if high > low { (value - low) / (high - low) } else { f32::from(value > high) }
     }
 
-    fn draw_scale(&self, canvas: &dyn Canvas, top: i32) {
+    fn draw_scale(&self, canvas: &dyn Canvas, frame: &Frame) {
+        let px = |size| frame.px(size);
         let [width, _] = canvas.size();
         let count = self.width as usize * self.height as usize;
         let values = || (0..count).filter_map(|index| self.value(index));
         let above = values().any(|value| value > self.range[1]);
         let below = values().any(|value| value < self.range[0]);
-        let empty = values().count() < count;
+        let (top, bottom, middle) = (px(8), px(24), px(16));
 
-        // From the right: what an empty pixel looks like; the bar; its unit on a line of its own.
-        let mut right = width - MARGIN;
-        if empty {
+        // What an empty pixel looks like is at the right of the bar.
+        let mut right = width - px(MARGIN);
+        if values().count() < count {
             let text = "no value";
-            right -= canvas::text_width(text, TEXT);
-            canvas.text(text, [right, top + 15], TEXT, MUTED, Align::Left);
-            canvas.rect([right - 22, top + 8], [right - 6, top + 22], MUTED);
-            canvas.rect([right - 21, top + 9], [right - 7, top + 21], self.background);
-            right -= 40;
+            right -= canvas::text_width(text, px(TEXT));
+            canvas.text(text, [right, middle], px(TEXT), INK, Align::Left);
+            let side = bottom - top;
+            right -= side + px(6);
+            canvas.rect([right, top], [right + side, bottom], MUTED);
+            canvas.rect([right + 1, top + 1], [right + side - 1, bottom - 1], self.background);
+            right -= px(18);
         }
-        let (left, right) = (MARGIN + 10, right - 10);
+        let (left, right) = (px(MARGIN + 10), right - px(10));
         for x in left..right {
             let t = (x - left) as f32 / (right - 1 - left).max(1) as f32;
-            canvas.rect([x, top + 8], [x + 1, top + 22], self.ramp.color(t));
+            canvas.rect([x, top], [x + 1, bottom], self.ramp.color(t));
         }
         // An arrow in the color of the end: there is more beyond it.
         if above {
-            let points = [[right + 1, top + 8], [right + 10, top + 15], [right + 1, top + 21]];
-            canvas.polygon(&points, self.ramp.color(1.0));
+            canvas.polygon(&[[right + 2, top], [right + px(10), middle], [right + 2, bottom]], self.ramp.color(1.0));
         }
         if below {
-            let points = [[left - 2, top + 8], [left - 11, top + 15], [left - 2, top + 21]];
-            canvas.polygon(&points, self.ramp.color(0.0));
+            canvas.polygon(&[[left - 2, top], [left - px(10), middle], [left - 2, bottom]], self.ramp.color(0.0));
         }
 
         let [low, high] = self.range.map(f64::from);
@@ -103,8 +105,8 @@ impl HeatMap<'_> {
         let ticks = if holds { axis.ticks(5) } else { Vec::new() };
         for &tick in &ticks {
             let x = left + (axis.position(tick) * f64::from(right - 1 - left)).round() as i32;
-            canvas.rect([x, top + 22], [x + 1, top + 27], MUTED);
-            canvas.text(&axis.label(tick), [x, top + 36], TEXT, INK, Align::Middle);
+            canvas.rect([x, bottom], [x + 1, bottom + px(4)], MUTED);
+            canvas.text(&axis.label(tick), [x, px(37)], px(TEXT), INK, Align::Middle);
         }
         let step = if high > low { (high - low) / 100.0 } else { 0.01 };
         let note = match (below, above) {
@@ -113,10 +115,10 @@ impl HeatMap<'_> {
             (true, false) => format!("clipped below {}", number(low, step)),
             (true, true) => format!("clipped below {} and above {}", number(low, step), number(high, step)),
         };
-        let note_width = canvas::text_width(&note, TEXT);
-        canvas.text(&note, [width - MARGIN, top + 53], TEXT, MUTED, Align::Right);
-        let unit = canvas::fitted(self.unit, TEXT, width - 3 * MARGIN - note_width);
-        canvas.text(&unit, [MARGIN + 10, top + 53], TEXT, MUTED, Align::Left);
+        canvas.text(&note, [width - px(MARGIN), px(56)], px(TEXT), MUTED, Align::Right);
+        let room = width - px(3 * MARGIN) - canvas::text_width(&note, px(TEXT));
+        let unit = canvas::fitted(self.unit, px(TEXT), room);
+        canvas.text(&unit, [px(MARGIN), px(56)], px(TEXT), MUTED, Align::Left);
     }
 }
 
@@ -125,18 +127,20 @@ impl HeatMap<'_> {
 /// `colors` is `[height][width]`, top row first; what is missing at the end is white. Small maps are magnified as
 /// [`HeatMap::draw`] does.
 pub fn draw_labels(width: u32, height: u32, colors: &[[u8; 3]], title: &str, note: &str) -> Rgb8Image {
-    const LINE: i32 = 20;
-    let room = Frame::new(width, height, title, 0).image_width as i32 - 2 * MARGIN;
-    let lines = wrapped(note, room);
-    let rows = if lines.is_empty() { 0 } else { lines.len() as u32 * LINE as u32 + 12 };
-    let frame = Frame::new(width, height, title, rows);
+    let frame = Frame::new(width, height, title);
     let mut image = frame.picture(title, |index| colors.get(index).copied().unwrap_or(PAPER));
-    canvas::paint(&mut image, |canvas| {
-        for (index, line) in lines.iter().enumerate() {
-            let y = frame.below() as i32 + 16 + index as i32 * LINE;
-            canvas.text(line, [MARGIN, y], TEXT, MUTED, Align::Left);
-        }
-    });
+    let lines = wrapped(note, frame.px(TEXT), image.width as i32 - 2 * frame.px(MARGIN));
+    if !lines.is_empty() {
+        let line_height = frame.px(20);
+        let rows = lines.len() as i32 * line_height + frame.px(12);
+        let strip = canvas::image(image.width, rows as u32, |canvas| {
+            for (line, index) in lines.iter().zip(0..) {
+                let at = [frame.px(MARGIN), frame.px(16) + index * line_height];
+                canvas.text(line, at, frame.px(TEXT), MUTED, Align::Left);
+            }
+        });
+        append(&mut image, &strip);
+    }
     image
 }
 
@@ -171,27 +175,35 @@ struct Frame {
     left: u32,
     top: u32,
     image_width: u32,
-    image_height: u32,
 }
 
 impl Frame {
-    fn new(width: u32, height: u32, title: &str, rows_below: u32) -> Self {
+    fn new(width: u32, height: u32, title: &str) -> Self {
         let zoom = (NARROWEST / width.max(height).max(1)).max(1);
         let image_width = (width * zoom).max(NARROWEST);
-        let top = if title.is_empty() { 0 } else { TITLE_ROWS };
-        let image_height = (top + height * zoom + rows_below).max(1);
-        Self { map: [width, height], zoom, left: (image_width - width * zoom) / 2, top, image_width, image_height }
+        let mut frame =
+            Self { map: [width, height], zoom, left: (image_width - width * zoom) / 2, top: 0, image_width };
+        if !title.is_empty() {
+            frame.top = frame.px(TITLE_ROWS) as u32;
+        }
+        frame
     }
 
-    /// First row below the map.
-    fn below(&self) -> u32 {
-        self.top + self.map[1] * self.zoom
+    /// A size of texts and strips, grown for a large picture.
+    fn px(&self, size: i32) -> i32 {
+        (size as f32 * (self.image_width as f32 / LEGIBLE).max(1.0)).round() as i32
     }
 
-    /// The picture with its title and a color for each index of the map.
+    /// The title and below it the map, with a color for each of its indices; at least one row.
     fn picture(&self, title: &str, color: impl Fn(usize) -> [u8; 3]) -> Rgb8Image {
-        let mut image = Rgb8Image::filled(self.image_width, self.image_height, PAPER);
+        let size = self.px(TITLE);
+        let mut image = canvas::image(self.image_width, self.top, |canvas| {
+            let title = canvas::fitted(title, size, canvas.size()[0] - 2 * self.px(MARGIN));
+            canvas.text(&title, [self.px(MARGIN), self.top as i32 / 2], size, INK, Align::Left);
+        });
         let [width, height] = self.map;
+        let rows = (height * self.zoom).max(u32::from(self.top == 0));
+        append(&mut image, &Rgb8Image::filled(self.image_width, rows, PAPER));
         for (index, (y, x)) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).enumerate() {
             let color = color(index);
             for pixel in 0..self.zoom * self.zoom {
@@ -199,25 +211,27 @@ impl Frame {
                 image.set(self.left + x * self.zoom + dx, self.top + y * self.zoom + dy, color);
             }
         }
-        canvas::paint(&mut image, |canvas| {
-            const SIZE: i32 = 18;
-            let title = canvas::fitted(title, SIZE, canvas.size()[0] - 2 * MARGIN);
-            canvas.text(&title, [MARGIN, 18], SIZE, INK, Align::Left);
-        });
         image
     }
 }
 
+/// Adds rows of the same width at the bottom.
+fn append(image: &mut Rgb8Image, below: &Rgb8Image) {
+    assert_eq!(image.width, below.width, "strips of a picture are as wide as it is");
+    image.height += below.height;
+    image.pixels.extend_from_slice(&below.pixels);
+}
+
 /// Lines of a text that fit a width, broken at spaces; longer words are cut.
-fn wrapped(text: &str, width: i32) -> Vec<String> {
+fn wrapped(text: &str, size: i32, width: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
-            Some(line) if canvas::text_width(&format!("{line} {word}"), TEXT) <= width => {
+            Some(line) if canvas::text_width(&format!("{line} {word}"), size) <= width => {
                 line.push(' ');
                 line.push_str(word);
             }
-            _ => lines.push(canvas::fitted(word, TEXT, width)),
+            _ => lines.push(canvas::fitted(word, size, width)),
         }
     }
     lines
@@ -262,7 +276,7 @@ mod tests {
         let values: Vec<f32> = (0..500 * 300).map(|index| (index % 500) as f32 / 250.0).collect();
         let map = map(500, 300, &values);
         let image = map.draw();
-        assert_eq!((image.width, map.place(7, 9)), (500, [7, 9 + TITLE_ROWS, 1]));
+        assert_eq!((image.width, map.place(7, 9)), (500, [7, 9 + TITLE_ROWS as u32, 1]));
         assert_eq!(image.pixel(250, 100), Ramp::Sequential.color(1.0 / 2.0));
     }
 
@@ -270,11 +284,11 @@ mod tests {
     fn the_scale_is_printed_and_says_what_is_clipped() {
         let strip = |values: &[f32]| {
             let image = map(2, 1, values).draw();
-            image.pixels[3 * ((image.height - SCALE_ROWS) * image.width) as usize..].to_vec()
+            image.pixels[3 * ((image.height - SCALE_ROWS as u32) * image.width) as usize..].to_vec()
         };
         let shown = strip(&[1.0, 2.0]);
-        // The bar and its ticks end 27 rows down; below there is nothing but text.
-        let text = &shown[3 * 28 * NARROWEST as usize..];
+        // The bar and its ticks end 28 rows down; below there is nothing but text.
+        let text = &shown[3 * 29 * NARROWEST as usize..];
         assert!(text.iter().filter(|&&value| value < 160).count() > 300, "numbers and unit are dark");
         assert_ne!(shown, strip(&[1.0, 2.5]), "clipped above");
         assert_ne!(shown, strip(&[1.0, -1.0]), "clipped below");

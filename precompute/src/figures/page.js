@@ -110,15 +110,22 @@
   const links = [...document.querySelectorAll("nav a")];
   const sections = [...document.querySelectorAll("main > section")];
   let waiting = false;
+  let marked = -1;
   const mark = () => {
     waiting = false;
     const atEnd = innerHeight + scrollY >= document.documentElement.scrollHeight - 2 && scrollY > 0;
     let current = atEnd ? sections.length - 1 : sections.findLastIndex((section) => section.getBoundingClientRect().top < innerHeight / 3);
     if (current < 0) current = 0;
+    if (current === marked) return;
+    marked = current;
     links.forEach((link, index) => {
       if (link.classList.toggle("here", index === current)) link.setAttribute("aria-current", "true");
       else link.removeAttribute("aria-current");
     });
+    // In a narrow window the contents are one line that scrolls.
+    const link = links[current];
+    const line = link?.closest("nav");
+    if (line && line.scrollWidth > line.clientWidth) line.scrollTo({ left: link.offsetLeft - (line.clientWidth - link.offsetWidth) / 2 });
   };
   addEventListener("scroll", () => {
     if (!waiting) requestAnimationFrame(mark);

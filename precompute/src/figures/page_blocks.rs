@@ -25,7 +25,7 @@ fn one(block: &Block) -> Markup {
         Block::Svg { title, svg, png } => html! {
             figure.block.drawing {
                 (heading(title))
-                div.scroll role="img" aria-label=(title) { (PreEscaped(svg)) }
+                div.scroll role=[(!title.is_empty()).then_some("img")] aria-label=[Some(title).filter(|title| !title.is_empty())] { (PreEscaped(svg)) }
                 @if let Some(file) = png { figcaption { a href=(address(file)) { "PNG file" } } }
             }
         },
