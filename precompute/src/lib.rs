@@ -17,6 +17,7 @@
 pub mod clusters;
 pub mod compress;
 pub mod error;
+pub mod figures;
 pub mod lightmap;
 pub mod output;
 pub mod picture;
