@@ -29,6 +29,9 @@ pub struct BakeSettings {
     /// Points known to be inside the space to light, metres; absent: found by rays.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub interior: Vec<[f32; 3]>,
+    /// Distance of the probes from surfaces, as a share of the probe spacing; 0 is beside them, in the voxels next to solid
+    /// ones (SL17 4.1, whose voxel size is unstated).
+    pub standoff: f32,
     /// Probes whose support holds a receiver, mean (SL17 4.1).
     pub overlap: f32,
     /// The same, least for every receiver.
@@ -89,6 +92,7 @@ impl Default for BakeSettings {
             probes: None,
             voxel: None,
             interior: Vec::new(),
+            standoff: 0.4,
             overlap: 10.0,
             min_overlap: 3,
             repair: 0.1,

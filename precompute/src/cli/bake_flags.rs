@@ -24,6 +24,10 @@ pub struct BakeFlags {
     #[arg(long, value_name = "X,Y,Z", help_heading = "Probes", value_parser = point, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     interior: Vec<[f32; 3]>,
+    /// Distance of the probes from surfaces as a share of their spacing; 0 is in the voxels beside surfaces
+    #[arg(long, value_name = "SHARE", help_heading = "Probes", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standoff: Option<f32>,
     /// Mean number of probes that support a receiver
     #[arg(long, value_name = "N", help_heading = "Probes", allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]

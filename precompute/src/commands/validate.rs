@@ -9,15 +9,18 @@ use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::RayCaster;
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
-use localprt_precompute::validate::{self, MeasureSettings, State, Subject};
+use localprt_precompute::validate::pages::{self, Context};
+use localprt_precompute::validate::{self, MeasureSettings, State, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
 use std::fs;
+use std::time::Instant;
 
 /// Cameras shown unless one is chosen.
 const MOST_CAMERAS: usize = 3;
 
 /// Runs the subcommand.
 pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> {
+    let started = Instant::now();
     let baked = inputs::baked(&command.file)?;
     let view = baked.view();
     let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
@@ -37,9 +40,43 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
     };
     let about_file = |error| CommandError::from(error).in_file(&command.file);
     let subject = Subject::new(view, &caster, progress).map_err(about_file)?;
-    let findings = validate::validate(&subject, &states, &cameras, &settings, progress).map_err(about_file)?;
+    let sweeps = command
+        .sweep
+        .iter()
+        .map(|(option, values)| Sweep::new(option, values, &subject.settings, view.metadata.lightmap_size))
+        .collect::<Result<Vec<_>, _>>()?;
+    let findings =
+        validate::validate(&subject, &states, command.failure_case, &sweeps, &cameras, &settings, progress)
+            .map_err(about_file)?;
     let metrics = Metrics::of(&findings, &settings);
+    let stage = progress.stage("pictures and page", 0);
     write_text(&command.output.join("metrics.json"), &to_json(&metrics))?;
+    let context = Context {
+        subject: &subject,
+        findings: &findings,
+        settings,
+        file: command.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        max_nrmse: command.max_nrmse,
+        file_bytes: fs::metadata(&command.file).map_or(0, |data| data.len()),
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    pages::write(&command.output, &context)?;
+    drop(stage);
+    for (state, figures) in findings.states.iter().zip(&metrics.states) {
+        let [ours, _, spatial, arikan] = state.methods;
+        progress.note(&format!(
+            "{}: nrmse {:.4} (spatial {:.4}, arikan {:.4}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
+            figures.name,
+            ours.nrmse,
+            spatial.nrmse,
+            arikan.nrmse,
+            ours.median_relative,
+            ours.p95_relative,
+            ours.bias,
+            figures.reference.standard_error
+        ));
+    }
+    progress.note(&format!("wrote {}", command.output.join("index.html").display()));
     gate(command, &findings.states)
 }
 

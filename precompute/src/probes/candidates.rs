@@ -25,13 +25,13 @@ pub struct Candidates {
     pub rejected: usize,
 }
 
-/// Candidates for `target` probes: one in every open voxel that has a solid one among its 26 neighbors, unless the
-/// voxel is behind surfaces (more than 25 % of the hits of 32 rays are back faces), too close to them (a quarter voxel)
+/// Candidates for `target` probes: one in every open voxel that lies `layer` voxels from the nearest solid one, counted
+/// over 26 neighbors (1 is beside it), and, where the open space is narrower than that, in its middle; unless the voxel is
+/// behind surfaces (more than 25 % of the hits of 32 rays are back faces), too close to them (a quarter voxel)
 /// or out of their sight (no hit, as beside the rim of a plane) at its centre and at four random places.
 ///
-/// Where voxels are far more than the probes need (64 each, and 200 000), an even share of them is tried. Where good voxels near
-/// surfaces are fewer than the probes, open voxels away from surfaces are tried as well; there may still be fewer
-/// candidates than probes.
+/// Where voxels are far more than the probes need (64 each, and 200 000), an even share of them is tried. Where good ones
+/// are fewer than the probes, the other open voxels are tried as well; there may still be fewer candidates than probes.
 ///
 /// # Errors
 ///
@@ -40,14 +40,16 @@ pub fn candidates(
     grid: &VoxelGrid,
     caster: &RayCaster,
     target: usize,
+    layer: u8,
     seed: u64,
 ) -> Result<Candidates, PlacementError> {
     let tried = most_candidates(target);
-    let near = even_subset(open_voxels(grid, true), tried, seed);
+    let (shell, others) = open_voxels(grid, layer.max(1));
+    let near = even_subset(shell, tried, seed);
     let (mut voxels, mut positions) = good_positions(grid, caster, &near, seed);
     let mut tested = near.len();
     if positions.len() < target {
-        let far = even_subset(open_voxels(grid, false), tried, seed);
+        let far = even_subset(others, tried, seed);
         tested += far.len();
         let (far_voxels, far_positions) = good_positions(grid, caster, &far, seed);
         voxels.extend(far_voxels);
@@ -69,18 +71,37 @@ pub fn candidates(
     Ok(Candidates { rejected: tested - positions.len(), positions })
 }
 
-/// Indices of the open voxels that have a solid neighbor, or of those that have none.
-fn open_voxels(grid: &VoxelGrid, near_surfaces: bool) -> Vec<u32> {
+/// Indices of the open voxels of a layer, or in the middle of narrower space; and of all other open voxels. Rising.
+fn open_voxels(grid: &VoxelGrid, layer: u8) -> (Vec<u32>, Vec<u32>) {
+    let steps = steps_to_solid(grid, layer);
     let slice = grid.size.x as usize * grid.size.y as usize;
     (0..grid.size.z as usize)
         .into_par_iter()
         .flat_map_iter(|z| (z * slice..(z + 1) * slice).filter(|&index| grid.voxels[index] == Voxel::Open))
-        .filter(|&index| {
-            let solid = grid.neighbors(grid.cell(index)).any(|other| grid.voxels[other] == Voxel::Solid);
-            solid == near_surfaces
-        })
         .map(|index| index as u32)
-        .collect()
+        .partition(|&index| {
+            let own = steps[index as usize];
+            let is_farther = |other: usize| grid.voxels[other] == Voxel::Open && steps[other] > own;
+            own == layer || own < layer && !grid.neighbors(grid.cell(index as usize)).any(is_farther)
+        })
+}
+
+/// Steps over 26 neighbors from each voxel to the nearest solid one; `most + 1` for those farther away than `most`.
+fn steps_to_solid(grid: &VoxelGrid, most: u8) -> Vec<u8> {
+    let far = most.saturating_add(1);
+    let mut steps: Vec<u8> = grid.voxels.iter().map(|&voxel| if voxel == Voxel::Solid { 0 } else { far }).collect();
+    for step in 1..=most {
+        let reached: Vec<usize> = (0..steps.len())
+            .into_par_iter()
+            .filter(|&index| {
+                steps[index] == far && grid.neighbors(grid.cell(index)).any(|other| steps[other] == step - 1)
+            })
+            .collect();
+        for index in reached {
+            steps[index] = step;
+        }
+    }
+    steps
 }
 
 /// At most `count` of the voxels: one out of each of `count` equal runs, at random within the run, because a fixed

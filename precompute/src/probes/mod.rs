@@ -28,6 +28,9 @@ use glam::Vec3;
 /// spacing in the wrong unit.
 pub const MAX_PROBES: u32 = 1 << 18;
 
+/// Voxels from a surface to its probes, at most: bounds the work of finding them.
+const MOST_LAYERS: f32 = 64.0;
+
 /// Radiance probes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProbeSet {
@@ -194,9 +197,10 @@ pub fn place(
     let bounds = caster.scene().bounds().unwrap_or_default();
     let target = target_count(bounds, rho, settings)?;
 
-    let found = candidates(grid, caster, target, settings.seed)?;
-    // A spacing given beside a count may have nothing to do with it; thinning then follows the count.
+    // A spacing given beside a count may have nothing to do with it; placement then follows the count.
     let kernel_m = if settings.probes.is_some() { spacing_for(bounds, target as u32) } else { rho };
+    let layer = (settings.standoff * kernel_m / grid.voxel_m).round().clamp(1.0, MOST_LAYERS);
+    let found = candidates(grid, caster, target, layer as u8, settings.seed)?;
     let budget = (f64::from(settings.repair) * target as f64) as usize;
     let exact = settings.probes.is_some();
     let thinned = reduce(&found.positions, target, kernel_m);

@@ -64,7 +64,7 @@ fn candidates_are_open_and_clear_of_surfaces() {
     let caster = RayCaster::new(&scene).unwrap();
     let settings = BakeSettings::default();
     let grid = VoxelGrid::build(&scene, &caster, spacing(scene.bounds().unwrap(), &settings), &settings).unwrap();
-    let found = candidates(&grid, &caster, 150, 0).unwrap();
+    let found = candidates(&grid, &caster, 150, 1, 0).unwrap();
     assert!(found.positions.len() > 2000, "{}", found.positions.len());
     for &position in &found.positions {
         assert_eq!(grid.at(position), Some(Voxel::Open), "{position}");
@@ -100,8 +100,8 @@ fn too_few_surface_voxels_are_filled_up_from_the_open() {
     let caster = RayCaster::new(&scene).unwrap();
     let settings = BakeSettings { voxel: Some(0.1), ..exactly(2000) };
     let grid = VoxelGrid::build(&scene, &caster, 0.2, &settings).unwrap();
-    assert!(candidates(&grid, &caster, 1000, 0).unwrap().positions.len() < 2000);
-    let found = candidates(&grid, &caster, 2000, 0).unwrap();
+    assert!(candidates(&grid, &caster, 1000, 1, 0).unwrap().positions.len() < 2000);
+    let found = candidates(&grid, &caster, 2000, 1, 0).unwrap();
     assert!(found.positions.len() >= 2000, "{}", found.positions.len());
     let unique: std::collections::BTreeSet<_> =
         found.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();

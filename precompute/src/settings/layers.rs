@@ -7,11 +7,12 @@ use toml::{Table, Value};
 pub const FLAG_LAYER: &str = "command line";
 
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 22] = [
+const KEYS: [&str; 23] = [
     "spacing",
     "probes",
     "voxel",
     "interior",
+    "standoff",
     "overlap",
     "min_overlap",
     "repair",

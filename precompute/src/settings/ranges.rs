@@ -29,6 +29,7 @@ impl BakeSettings {
                 return Err(out_of_range("interior", &format!("{point:?}"), "finite coordinates in metres"));
             }
         }
+        real("standoff", self.standoff, 0.0, 10.0)?;
         real("overlap", self.overlap, 1.0, 1000.0)?;
         whole("min_overlap", self.min_overlap.into(), 0, 1000)?;
         real("repair", self.repair, 0.0, 10.0)?;

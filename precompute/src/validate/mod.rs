@@ -12,13 +12,16 @@
 //! | [`steps`] | steps across chart seams and cluster borders |
 //! | [`operator_norm`] | reconstruction error without lighting, Eq. (12) |
 //! | [`coverage`] | unseen light, probes, clusters, coefficients |
+//! | [`sweep`], [`failure`] | the same scene baked with other options, and lit where it is worst |
 
 pub mod coverage;
+pub mod failure;
 pub mod flip;
 pub mod last_leg;
 pub mod lit;
 pub mod metrics;
 pub mod operator_norm;
+pub mod pages;
 pub mod parts;
 pub mod path_tracer;
 pub mod report;
@@ -26,9 +29,11 @@ pub mod selection;
 pub mod state;
 pub mod steps;
 pub mod subject;
+pub mod sweep;
 
 pub use state::{METHODS, State, StateFindings};
 pub use subject::Subject;
+pub use sweep::Sweep;
 
 use crate::{error::BakeError, progress::Progress};
 use coverage::Coverage;
@@ -37,6 +42,7 @@ use metrics::{percentile, rank_correlation, relative_errors};
 use path_tracer::PathBudget;
 use selection::{Pairs, sample};
 use serde::Serialize;
+use sweep::SweepFindings;
 
 /// How much is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +91,8 @@ pub struct Findings {
     pub coverage: Coverage,
     /// One entry per lighting state.
     pub states: Vec<StateFindings>,
+    /// One entry per sweep.
+    pub sweeps: Vec<SweepFindings>,
 }
 
 /// Percentiles of the operator norm, and whether it is high where the error is.
@@ -104,13 +112,16 @@ pub struct NormFigures {
     pub rank_correlation_relative: Option<f64>,
 }
 
-/// Validates a baked file under one or more lighting states.
+/// Validates a baked file under one or more lighting states, and the sweeps under the first of them. With `failure_case`
+/// the lighting of [`failure::failure_case`] is added to the states.
 ///
 /// # Errors
-/// Those of [`state::measure`].
+/// Those of [`state::measure`] and [`sweep::run`].
 pub fn validate(
     subject: &Subject<'_>,
     states: &[State],
+    failure_case: bool,
+    sweeps: &[Sweep],
     cameras: &[Camera],
     settings: &MeasureSettings,
     progress: &Progress,
@@ -118,11 +129,17 @@ pub fn validate(
     let sample = sample(subject.len(), settings.receivers as usize, settings.seed);
     let pairs = Pairs::of(subject, settings.pairs as usize);
     let operator_norm = operator_norm::operator_norm(subject, &sample, progress)?;
-    let measured = states
+    let worst = if failure_case { failure::failure_case(subject, &sample, &operator_norm) } else { None };
+    let measured: Vec<StateFindings> = states
         .iter()
+        .chain(&worst)
         .map(|state| state::measure(subject, state, &sample, &pairs, cameras, settings, progress))
         .collect::<Result<_, _>>()?;
-    Ok(Findings { sample, operator_norm, coverage: Coverage::of(subject), states: measured })
+    let sweeps = sweeps
+        .iter()
+        .filter_map(|sweep| measured.first().map(|state| sweep::run(subject, sweep, state, &sample, settings, progress)))
+        .collect::<Result<_, _>>()?;
+    Ok(Findings { sample, operator_norm, coverage: Coverage::of(subject), states: measured, sweeps })
 }
 
 impl Findings {

@@ -7,6 +7,7 @@ use super::{
     parts::{ErrorParts, Worst},
     state::{Leak, StateFindings},
     steps::Steps,
+    sweep::SweepFindings,
 };
 use serde::Serialize;
 
@@ -35,6 +36,8 @@ pub struct Metrics {
     pub worst: Worst,
     /// All lighting states.
     pub states: Vec<StateFigures>,
+    /// Sweeps, under the first state.
+    pub sweeps: Vec<SweepFindings>,
 }
 
 /// Figures of one lighting state; fields as in [`Metrics`].
@@ -129,6 +132,7 @@ impl Metrics {
             errors: first.errors,
             worst: first.worst,
             states,
+            sweeps: findings.sweeps.clone(),
         }
     }
 }

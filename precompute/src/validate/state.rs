@@ -199,7 +199,7 @@ fn views(
 
 impl View {
     /// Mean FLIP against the reference of a picture with indirect light from a map.
-    fn flip(&self, map: &CoverageMap) -> f64 {
+    pub(super) fn flip(&self, map: &CoverageMap) -> f64 {
         let picture = self.light.picture(|light| light.radiance(sampled(map, light)));
         mean_flip(&picture, &self.light.picture(|light| light.radiance(light.reference())), self.ev)
     }

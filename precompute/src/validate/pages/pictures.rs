@@ -1,0 +1,245 @@
+//! The section of one lighting state: table of methods, pictures, reasons.
+
+use super::{Context, Folder, percent, signed_percent};
+use crate::{
+    figures::{Block, HeatMap, NamedImage, Ramp, Rgb8Image, Section, nice_signed_range},
+    output::OutputError,
+    picture::{Exposure, Picture},
+    validate::{
+        METHODS, StateFindings,
+        flip::flip,
+        metrics::MethodError,
+        path_tracer::luminance,
+        report::{Metrics, StateFigures},
+        state::{View, sampled},
+    },
+};
+use glam::Vec3;
+use localprt_runtime::CoverageMap;
+use std::f32::consts::PI;
+
+/// Albedo of every surface in pictures of light alone.
+const GREY: f32 = 0.5;
+/// What stands for no value in heat maps.
+pub(super) const NOTHING: [u8; 3] = [96, 96, 96];
+
+pub(super) fn section(
+    context: &Context<'_>,
+    metrics: &Metrics,
+    index: usize,
+    folder: &Folder,
+) -> Result<Section, OutputError> {
+    let state = &context.findings.states[index];
+    let figures = &metrics.states[index];
+    let mut blocks = vec![methods(figures)];
+    for (number, view) in state.views.iter().enumerate() {
+        blocks.extend(view_blocks(state, view, &format!("state{index}-view{number}"), folder)?);
+    }
+    blocks.extend(reasons(figures));
+    Ok(Section { id: format!("state{index}"), title: format!("Under {}", state.state.name), blocks })
+}
+
+fn methods(figures: &StateFigures) -> Block {
+    let names = [
+        "compressed (the file)",
+        "uncompressed rows",
+        "spatial interpolation (Eq. 1)",
+        "irradiance decomposition (after Arikan et al.)",
+    ];
+    let methods = &figures.methods;
+    let row = |(name, error): (&str, &MethodError)| {
+        vec![
+            name.to_owned(),
+            percent(error.nrmse),
+            percent(error.median_relative),
+            percent(error.p95_relative),
+            percent(error.p99_relative),
+            signed_percent(error.bias),
+            format!("{:.4}", error.flip),
+        ]
+    };
+    let errors = [&methods.compressed, &methods.uncompressed, &methods.spatial, &methods.arikan];
+    Block::Table {
+        title: "Errors against path tracing".into(),
+        head: ["method", "nrmse", "median", "95 %", "99 %", "bias", "FLIP"].map(String::from).to_vec(),
+        rows: names.into_iter().zip(errors).map(row).collect(),
+        note: format!(
+            "The reference itself has a standard error of {} of the mean ({:.0} paths per receiver); FLIP between two \
+             halves of its pictures is {:.4}. Mean indirect irradiance {:.4} W/m².",
+            percent(figures.reference.standard_error),
+            figures.reference.paths,
+            figures.flip_noise,
+            figures.mean_irradiance
+        ),
+        highlight_row: Some(0),
+    }
+}
+
+fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) -> Result<Vec<Block>, OutputError> {
+    let labels = ["ours", "uncompressed", "spatial", "arikan"];
+    let captions = [
+        "from the file, as a renderer shows it",
+        "transport rows before compression",
+        "probes interpolated by distance (Eq. 1)",
+        "probes interpolated, near surfaces exact",
+    ];
+    let taken = |map: &CoverageMap| view.light.picture(|light| light.radiance(sampled(map, light)));
+    let reference = view.light.picture(|light| light.radiance(light.reference()));
+    let difference = flip(&taken(&state.maps[0]), &reference, view.ev);
+    let develop = |picture: &Picture, ev: f32| Rgb8Image {
+        width: picture.width,
+        height: picture.height,
+        pixels: picture.develop(Exposure::Ev(ev)),
+    };
+
+    // Everything, as it is shown.
+    let mut images = vec![NamedImage {
+        name: "reference".into(),
+        file: folder.picture(&format!("{name}-reference"), &develop(&reference, view.ev))?,
+        caption: "path traced at every pixel".into(),
+    }];
+    for (method, label) in labels.into_iter().enumerate() {
+        let picture = develop(&taken(&state.maps[method]), view.ev);
+        let file = folder.picture(&format!("{name}-{label}"), &picture)?;
+        images.push(NamedImage { name: label.into(), file, caption: captions[method].into() });
+    }
+    images.swap(0, 1);
+    let flips = Rgb8Image {
+        width: reference.width,
+        height: reference.height,
+        pixels: difference.iter().flat_map(|&value| Ramp::Sequential.color(value / 0.5)).collect(),
+    };
+    images.push(NamedImage {
+        name: "difference".into(),
+        file: folder.picture(&format!("{name}-difference"), &flips)?,
+        caption: "FLIP of ours, yellow is 0.5 and above".into(),
+    });
+
+    // Indirect light alone.
+    let grey = |indirect: Vec3, albedo: Vec3| if albedo == Vec3::ZERO { Vec3::ZERO } else { indirect * GREY / PI };
+    let reference_light = view.light.picture(|light| grey(light.reference(), light.albedo));
+    let ev = Exposure::Auto.ev(&reference_light.pixels);
+    let mut lights = Vec::new();
+    for (method, label) in labels.into_iter().enumerate() {
+        let picture = view.light.picture(|light| grey(sampled(&state.maps[method], light), light.albedo));
+        let file = folder.picture(&format!("{name}-light-{label}"), &develop(&picture, ev))?;
+        lights.push(NamedImage { name: label.into(), file, caption: captions[method].into() });
+    }
+    let file = folder.picture(&format!("{name}-light-reference"), &develop(&reference_light, ev))?;
+    lights.insert(1, NamedImage { name: "reference".into(), file, caption: "path traced at every pixel".into() });
+
+    let errors = relative_error(state, view);
+    let map = HeatMap {
+        width: view.light.width,
+        height: view.light.height,
+        values: &errors,
+        background: NOTHING,
+        title: "Error of the indirect irradiance",
+        unit: "share of the mean; blue is too dark, red too bright",
+        ramp: Ramp::Diverging,
+        range: nice_signed_range(&errors, 99.0),
+    };
+    let heat = folder.picture(&format!("{name}-error"), &map.draw())?;
+    Ok(vec![
+        Block::Compare {
+            title: format!("Camera {}", view.camera),
+            caption: "Everything: direct and indirect light, textures. Drag, or flip with F.".into(),
+            images,
+        },
+        Block::Compare {
+            title: "Indirect light alone".into(),
+            caption: "All surfaces of albedo 0.5, no direct light: textures hide errors.".into(),
+            images: lights,
+        },
+        Block::Gallery {
+            title: String::new(),
+            images: vec![NamedImage {
+                name: "error".into(),
+                file: heat,
+                caption: "(ours − reference) / mean reference, luminance. Grain is noise of the reference.".into(),
+            }],
+            columns: 1,
+        },
+    ])
+}
+
+/// `(E - E_ref) / mean E_ref` of luminance per pixel.
+fn relative_error(state: &StateFindings, view: &View) -> Vec<f32> {
+    let brightness = |color: Vec3| luminance(color.as_dvec3());
+    let references = state.reference.irradiance.iter().map(|&color| brightness(color));
+    let mean = references.sum::<f64>() / state.reference.irradiance.len().max(1) as f64;
+    view.light.values(|light| {
+        light.uv?;
+        Some(((brightness(sampled(&state.maps[0], light)) - brightness(light.reference())) / mean) as f32)
+    })
+}
+
+fn reasons(figures: &StateFigures) -> Vec<Block> {
+    let (errors, worst, steps, leak) = (&figures.errors, &figures.worst, &figures.seams, &figures.leak);
+    let part = |name: &str, rms: f64, share: String, what: &str| vec![name.into(), percent(rms), share, what.into()];
+    let parts = Block::Table {
+        title: "What the error is made of".into(),
+        head: ["part", "RMS / mean", "largest in the worst 1 %", "what it is"].map(String::from).to_vec(),
+        rows: vec![
+            part(
+                "band limit",
+                errors.band_limit,
+                percent(worst.band_limit),
+                "probes hold few SH functions; with relight rays and light map",
+            ),
+            part("unseen light", errors.unseen, percent(worst.unseen), "from surfaces that no supporting probe sees"),
+            part(
+                "sampling",
+                errors.sampling,
+                percent(worst.sampling),
+                "gather rays of the bake, earlier bounces, noise of the reference",
+            ),
+            part("compression", errors.compression, percent(worst.compression), "SVD and 16-bit storage"),
+            part("reference", errors.reference_noise, "–".into(), "standard error of the reference, part of sampling"),
+        ],
+        note: format!(
+            "The worst 1 % of the receivers ({}) hold {} of the squared error; {} of them stand in corners, of all \
+             receivers {} do.",
+            worst.receivers,
+            percent(worst.of_squared_error),
+            percent(worst.in_corners),
+            percent(worst.corners_of_all)
+        ),
+        highlight_row: None,
+    };
+    let border = |name: &str, step: &crate::validate::steps::Step| {
+        vec![
+            name.into(),
+            step.pairs.to_string(),
+            percent(step.compressed),
+            percent(step.uncompressed),
+            percent(step.added),
+        ]
+    };
+    let mut blocks = vec![
+        parts,
+        Block::Table {
+            title: "Steps between neighbors".into(),
+            head: ["border", "pairs", "compressed", "uncompressed", "added"].map(String::from).to_vec(),
+            rows: vec![
+                border("chart seams", &steps.charts),
+                border("cluster borders", &steps.clusters),
+                border("within clusters", &steps.within),
+            ],
+            note: "RMS of the step in luminance over the mean; what compression adds to a step that is there anyway.".into(),
+            highlight_row: None,
+        },
+    ];
+    if leak.receivers > 0 {
+        blocks.push(Block::Facts {
+            title: "Leak".into(),
+            rows: vec![
+                ("receivers that no light reaches".into(), leak.receivers.to_string()),
+                ("light they get, mean over the mean of all".into(), percent(leak.mean)),
+                ("most".into(), percent(leak.max)),
+            ],
+        });
+    }
+    debug_assert_eq!(METHODS.len(), 4);
+    blocks
+}
