@@ -92,7 +92,7 @@ impl Default for BakeSettings {
             probes: None,
             voxel: None,
             interior: Vec::new(),
-            standoff: 0.4,
+            standoff: 0.35,
             overlap: 10.0,
             min_overlap: 3,
             repair: 0.1,

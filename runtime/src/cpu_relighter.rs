@@ -24,7 +24,9 @@ pub struct RelightInputs<'a> {
     pub sky_sh: &'a [Vec3],
     /// `[n_rays]` radiance of the sky along the file's `ray_dirs`, W sr^-1 m^-2; empty is a black sky.
     pub sky_rays: &'a [Vec3],
-    /// Relight rays that leave the scene read the sky. Receivers get the sky through `sky_sh` in any case.
+    /// Relight rays that leave the scene read the sky. Receivers get the sky through `sky_sh` in any case, and look up
+    /// surfaces only in the probes, so this serves other uses of the probe radiance; the band limit makes it leak onto
+    /// surfaces beside openings (Sponza under a sky: nrmse 0.107 instead of 0.015).
     pub sky_in_probes: bool,
     /// Gathers of [`CpuRelighter::relight`]: 1 is the first indirect bounce, 0 gives no indirect light.
     pub bounces: u32,
@@ -39,7 +41,7 @@ impl<'a> RelightInputs<'a> {
             surface,
             sky_sh: &[],
             sky_rays: &[],
-            sky_in_probes: true,
+            sky_in_probes: false,
             bounces: 1,
             feedback_albedo_cap: DEFAULT_FEEDBACK_ALBEDO_CAP,
         }

@@ -1,17 +1,19 @@
 //! The last leg, from the light of one gather to the receivers, by every method under comparison and step by step from
 //! the truth to the compressed result.
 //!
-//! Per receiver, over the bake's own gather rays, with L(Γ) the outgoing radiance of what a ray meets:
+//! Per receiver, with L(Γ) the outgoing radiance of what a ray meets:
 //!
 //! ```text
-//! all      sum w L(Γ)                          every ray, exact radiance
-//! seen     sum w L(Γ)  where a supporting probe sees Γ
-//! uncompressed         the transport row times the probe radiance (Eq. 7)
-//! compressed           U S V^T times the probe radiance, from the file in f16
+//! all           sum w L(Γ)      every ray of a dense set, exact radiance
+//! seen          sum w L(Γ)      of those whose surface a supporting probe sees
+//! dense         the transport row of that dense set times the probe radiance (Eq. 7)
+//! uncompressed  the transport row of the bake's own gather rays times the probe radiance
+//! compressed    U S V^T times the probe radiance, from the file in f16
 //!
-//! compressed - reference = (all - reference)            sampling: gather rays, earlier bounces
+//! compressed - reference = (all - reference)            input: earlier bounces, noise of the reference
 //!                        + (seen - all)                 unseen light
-//!                        + (uncompressed - seen)        band limit: SH, relight rays, light map
+//!                        + (dense - seen)               band limit: SH, relight rays, light map
+//!                        + (uncompressed - dense)       gather rays: their number
 //!                        + (compressed - uncompressed)  compression
 //! ```
 //!
@@ -31,7 +33,7 @@ use crate::{
     progress::{Cancelled, Progress},
     rays::{SurfaceHit, frame},
     relight::direct_irradiance,
-    transport::GatherSet,
+    transport::{GatherSet, TransportScene},
 };
 use glam::{DVec3, Vec3};
 use localprt_formats::{
@@ -45,13 +47,25 @@ use std::f32::consts::PI;
 /// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
 pub const NEAR: f32 = 0.5;
 
-/// Irradiance at one receiver, W m^-2, not negative, by every method and step. See the module.
+/// Rays of the dense set: its error is below that of a reference of 1 %.
+const DENSE_RAYS: u32 = 4096;
+/// Rays of the comparators, at least.
+const LEAST_RAYS: u32 = 1024;
+
+/// Irradiance at one receiver, W m^-2, not negative, on the way from the truth to the transport row. See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LastLeg {
-    /// From every gather ray, exact.
+pub struct TruthLeg {
+    /// From every ray, exact.
     pub all: Vec3,
     /// From the rays whose surface a supporting probe sees.
     pub seen: Vec3,
+    /// Transport row of the dense rays times probe radiance.
+    pub dense: Vec3,
+}
+
+/// Irradiance at one receiver, W m^-2, not negative, by every method. See the module.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LastLeg {
     /// Transport row times probe radiance.
     pub uncompressed: Vec3,
     /// Eq. (1).
@@ -63,7 +77,7 @@ pub struct LastLeg {
     pub near: f32,
 }
 
-/// Evaluates the last leg at some receivers, given in file order.
+/// Evaluates every method at some receivers, given in file order.
 ///
 /// # Errors
 /// [`Cancelled`].
@@ -74,25 +88,42 @@ pub fn last_leg(
     receivers: &[u32],
     progress: &Progress,
 ) -> Result<Vec<LastLeg>, Cancelled> {
-    let stage = progress.stage("uncompressed and comparators", receivers.len() as u64);
-    let leg = Leg {
-        subject,
-        lit,
-        lighting,
-        shading: SurfaceShading::new(subject.caster.scene(), lighting),
-        basis: Basis::new(subject.view.metadata.probe_degree),
-    };
-    let found = receivers
-        .par_iter()
-        .map(|&receiver| {
-            progress.check()?;
-            let found = leg.at(receiver);
-            stage.inc(1);
-            Ok(found)
-        })
-        .collect();
-    progress.check()?;
-    found
+    let leg = Leg::new(subject, lit, lighting);
+    let rays = GatherSet::new(subject.settings.gather_rays.max(LEAST_RAYS), 0, subject.settings.seed);
+    each("uncompressed and comparators", receivers, progress, |receiver| leg.methods(receiver, &rays))
+}
+
+/// Walks from the truth to the transport row at some receivers, given in file order.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn truth_leg(
+    subject: &Subject<'_>,
+    lit: &Lit,
+    lighting: &Lighting,
+    receivers: &[u32],
+    progress: &Progress,
+) -> Result<Vec<TruthLeg>, Cancelled> {
+    let leg = Leg::new(subject, lit, lighting);
+    let cosine = GatherSet::new(DENSE_RAYS, 0, subject.settings.seed);
+    let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed);
+    each("parts of the error", receivers, progress, |receiver| leg.truth(receiver, &cosine, &of_bake))
+}
+
+fn each<T: Send>(
+    name: &str,
+    receivers: &[u32],
+    progress: &Progress,
+    at: impl Fn(u32) -> T + Sync,
+) -> Result<Vec<T>, Cancelled> {
+    let stage = progress.stage(name, receivers.len() as u64);
+    let found = receivers.par_iter().map(|&receiver| {
+        progress.check()?;
+        let found = at(receiver);
+        stage.inc(1);
+        Ok(found)
+    });
+    found.collect()
 }
 
 struct Leg<'a> {
@@ -103,36 +134,49 @@ struct Leg<'a> {
     basis: Basis,
 }
 
-impl Leg<'_> {
-    fn at(&self, receiver: u32) -> LastLeg {
-        let subject = self.subject;
-        let caster = subject.caster;
-        let transport = subject.transport();
-        let point = subject.point(receiver);
-        let radius = subject.radius_m(receiver);
-        let probes: Vec<(Vec3, f32)> = subject
-            .supporting(receiver)
-            .iter()
-            .map(|&id| {
-                let probe = subject.probe_positions()[id as usize];
-                (probe, weight_kernel(point.position.distance(probe) / radius))
-            })
-            .collect();
-        let axis = if transport.gather.receiver_degree() == 0 { point.normal } else { point.geometric_normal };
-        let (tangent, bitangent) = frame(axis);
-        let origin = point.position + point.geometric_normal * caster.offset_m();
+impl<'a> Leg<'a> {
+    fn new(subject: &'a Subject<'a>, lit: &'a Lit, lighting: &'a Lighting) -> Self {
+        Self {
+            subject,
+            lit,
+            lighting,
+            shading: SurfaceShading::new(subject.caster.scene(), lighting),
+            basis: Basis::new(subject.view.metadata.probe_degree),
+        }
+    }
 
-        let (mut all, mut seen, mut near_light) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+    fn methods(&self, receiver: u32, rays: &GatherSet) -> LastLeg {
+        let radius = self.subject.radius_m(receiver);
+        let probes = self.probes(receiver);
+        let mut near_light = DVec3::ZERO;
         let mut near = 0.0;
         let mut far = Lobe::new(&self.basis);
-        for local in transport.gather.directions() {
-            let dir = tangent * local.x + bitangent * local.y + axis * local.z;
-            if dir.dot(point.geometric_normal) <= 0.0 {
-                continue;
+        self.for_each_ray(receiver, rays, |dir, weight, hit| {
+            let distance = hit.map_or(f32::INFINITY, |hit| hit.t);
+            match hit {
+                Some(hit) if distance < NEAR * radius => near_light += (weight * self.outgoing(hit)).as_dvec3(),
+                _ => far.push(dir, weight),
             }
-            let weight = irradiance_weight(transport.gather, dir.dot(point.normal));
-            let hit = caster.closest_hit(origin, dir);
-            let (radiance, is_seen) = match &hit {
+            if distance < 0.25 * radius {
+                near += weight / PI;
+            }
+        });
+        let blended = self.blended(receiver, &probes);
+        let spatial = dot(&cosine_lobe(&self.basis, self.subject.point(receiver).normal), &blended);
+        let arikan = near_light + dot(&far.finish(), &blended);
+        LastLeg {
+            uncompressed: self.transported(receiver, &self.subject.transport()),
+            spatial: positive(spatial),
+            arikan: positive(arikan),
+            near,
+        }
+    }
+
+    fn truth(&self, receiver: u32, rays: &GatherSet, of_bake: &GatherSet) -> TruthLeg {
+        let probes = self.probes(receiver);
+        let (mut all, mut seen) = (DVec3::ZERO, DVec3::ZERO);
+        self.for_each_ray(receiver, rays, |dir, weight, hit| {
+            let (radiance, is_seen) = match hit {
                 None => (self.lighting.sky.radiance(dir), true),
                 Some(hit) => (self.outgoing(hit), self.is_seen(hit, &probes)),
             };
@@ -141,29 +185,34 @@ impl Leg<'_> {
             if is_seen {
                 seen += light;
             }
-            let distance = hit.map_or(f32::INFINITY, |hit| hit.t);
-            if distance < NEAR * radius {
-                near_light += light;
-            } else {
-                far.push(dir, weight);
-            }
-            if distance < 0.25 * radius {
-                near += weight / PI;
-            }
-        }
+        });
+        let transport = TransportScene { gather: of_bake, ..self.subject.transport() };
+        TruthLeg { all: positive(all), seen: positive(seen), dense: self.transported(receiver, &transport) }
+    }
 
-        let blended = self.blended(receiver, &probes);
-        let spatial = dot(&cosine_lobe(&self.basis, point.normal), &blended);
-        let arikan = near_light + dot(&far.finish(), &blended);
-        let positive = |light: DVec3| light.as_vec3().max(Vec3::ZERO);
-        LastLeg {
-            all: positive(all),
-            seen: positive(seen),
-            uncompressed: self.uncompressed(receiver).max(Vec3::ZERO),
-            spatial: positive(spatial),
-            arikan: positive(arikan),
-            near,
+    /// Calls `visit(direction, weight of an irradiance sum, hit)` for the rays of a cosine-weighted set above the horizon.
+    fn for_each_ray(&self, receiver: u32, rays: &GatherSet, mut visit: impl FnMut(Vec3, f32, Option<&SurfaceHit>)) {
+        let point = self.subject.point(receiver);
+        let (tangent, bitangent) = frame(point.normal);
+        let origin = point.position + point.geometric_normal * self.subject.caster.offset_m();
+        for local in rays.directions() {
+            let dir = tangent * local.x + bitangent * local.y + point.normal * local.z;
+            if dir.dot(point.geometric_normal) > 0.0 {
+                let hit = self.subject.caster.closest_hit(origin, dir);
+                visit(dir, irradiance_weight(rays, local.z), hit.as_ref());
+            }
         }
+    }
+
+    /// Positions of the supporting probes, metres, and their weights w_i.
+    fn probes(&self, receiver: u32) -> Vec<(Vec3, f32)> {
+        let position = self.subject.point(receiver).position;
+        let radius = self.subject.radius_m(receiver);
+        let weighted = |&id: &u32| {
+            let probe = self.subject.probe_positions()[id as usize];
+            (probe, weight_kernel(position.distance(probe) / radius))
+        };
+        self.subject.supporting(receiver).iter().map(weighted).collect()
     }
 
     /// Outgoing radiance of a surface point in the last gather: what the light map holds there, without its texels.
@@ -209,9 +258,9 @@ impl Leg<'_> {
         blended
     }
 
-    /// The receiver's uncompressed transport rows times the probe radiance, as irradiance.
-    fn uncompressed(&self, receiver: u32) -> Vec3 {
-        let rows = self.subject.transport().rows(&[self.subject.place(receiver)]);
+    /// The receiver's transport rows, uncompressed, times the probe radiance, as irradiance that is not negative.
+    fn transported(&self, receiver: u32, transport: &TransportScene<'_>) -> Vec3 {
+        let rows = transport.rows(&[self.subject.place(receiver)]);
         let n_sh = self.basis.len();
         let outputs: Vec<DVec3> = rows
             .rows
@@ -225,12 +274,16 @@ impl Leg<'_> {
                 sum
             })
             .collect();
-        irradiance(&outputs, self.subject.point(receiver).normal)
+        irradiance(&outputs, self.subject.point(receiver).normal).max(Vec3::ZERO)
     }
 }
 
+fn positive(light: DVec3) -> Vec3 {
+    light.as_vec3().max(Vec3::ZERO)
+}
+
 /// Irradiance from the outputs of a receiver: itself at degree 0, the convolution with the cosine at degree 1.
-pub(super) fn irradiance(outputs: &[DVec3], normal: Vec3) -> Vec3 {
+fn irradiance(outputs: &[DVec3], normal: Vec3) -> Vec3 {
     let sum: DVec3 = match outputs {
         [irradiance] => *irradiance,
         _ => {

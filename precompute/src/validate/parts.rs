@@ -1,7 +1,7 @@
 //! What the error is made of: shares that add up to it receiver by receiver, and the reasons of the worst ones.
 
 use super::{
-    last_leg::LastLeg,
+    last_leg::{LastLeg, TruthLeg},
     metrics::{percentile, rms},
     path_tracer::luminance,
 };
@@ -18,12 +18,14 @@ const CORNER: f32 = 0.25;
 /// [`super::last_leg`] for the parts; squares add up to that of the whole where parts are not correlated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorParts {
-    /// Gather rays and earlier bounces, with the noise of the reference.
-    pub sampling: f64,
+    /// Earlier bounces, with the noise of the reference.
+    pub input: f64,
     /// Light from surfaces that no supporting probe sees.
     pub unseen: f64,
     /// Band limit of the probes, with relight rays and light map.
     pub band_limit: f64,
+    /// Number of gather rays.
+    pub gather_rays: f64,
     /// Compression and storage.
     pub compression: f64,
     /// Noise of the reference alone: its standard error.
@@ -41,8 +43,10 @@ pub struct Worst {
     pub unseen: f64,
     /// Largest part is the band limit.
     pub band_limit: f64,
-    /// Largest part is sampling: gather rays, earlier bounces, noise of the reference.
-    pub sampling: f64,
+    /// Largest part is the number of gather rays.
+    pub gather_rays: f64,
+    /// Largest part is the input: earlier bounces, noise of the reference.
+    pub input: f64,
     /// Largest part is compression.
     pub compression: f64,
     /// Stand in corners, whatever the part.
@@ -54,47 +58,48 @@ pub struct Worst {
 /// The parts of one receiver's error.
 #[derive(Clone, Copy, Debug)]
 struct Parts {
-    sampling: DVec3,
+    input: DVec3,
     unseen: DVec3,
     band_limit: DVec3,
+    gather_rays: DVec3,
     compression: DVec3,
 }
 
 impl Parts {
-    fn of(leg: &LastLeg, compressed: Vec3, reference: Vec3) -> Self {
+    fn of(truth: &TruthLeg, leg: &LastLeg, compressed: Vec3, reference: Vec3) -> Self {
         let step = |from: Vec3, to: Vec3| to.as_dvec3() - from.as_dvec3();
         Self {
-            sampling: step(reference, leg.all),
-            unseen: step(leg.all, leg.seen),
-            band_limit: step(leg.seen, leg.uncompressed),
+            input: step(reference, truth.all),
+            unseen: step(truth.all, truth.seen),
+            band_limit: step(truth.seen, truth.dense),
+            gather_rays: step(truth.dense, leg.uncompressed),
             compression: step(leg.uncompressed, compressed),
         }
     }
 
     fn whole(&self) -> DVec3 {
-        self.sampling + self.unseen + self.band_limit + self.compression
+        self.input + self.unseen + self.band_limit + self.gather_rays + self.compression
     }
 }
 
 /// Splits the error of the compressed light at `[n_measured]` receivers; `mean` is that of the reference.
 pub fn parts(
+    truths: &[TruthLeg],
     legs: &[LastLeg],
     compressed: &[Vec3],
     reference: &[Vec3],
     standard_error: &[Vec3],
     mean: f64,
 ) -> (ErrorParts, Worst) {
-    let parts: Vec<Parts> = legs
-        .iter()
-        .zip(compressed)
-        .zip(reference)
-        .map(|((leg, &compressed), &reference)| Parts::of(leg, compressed, reference))
+    let parts: Vec<Parts> = (0..legs.len())
+        .map(|index| Parts::of(&truths[index], &legs[index], compressed[index], reference[index]))
         .collect();
     let share = |part: fn(&Parts) -> DVec3| rms(parts.iter().map(part)) / mean;
     let errors = ErrorParts {
-        sampling: share(|parts| parts.sampling),
+        input: share(|parts| parts.input),
         unseen: share(|parts| parts.unseen),
         band_limit: share(|parts| parts.band_limit),
+        gather_rays: share(|parts| parts.gather_rays),
         compression: share(|parts| parts.compression),
         reference_noise: rms(standard_error.iter().map(|error| error.as_dvec3())) / mean,
     };
@@ -107,23 +112,25 @@ fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
     let limit = percentile(&whole, 1.0 - WORST_SHARE);
     let chosen: Vec<usize> = (0..parts.len()).filter(|&index| whole[index] >= limit && whole[index] > 0.0).collect();
     let n = chosen.len().max(1) as f64;
-    let mut largest = [0usize; 4];
+    let mut largest = [0usize; 5];
     for &index in &chosen {
         let parts = &parts[index];
-        let sizes = [parts.unseen, parts.band_limit, parts.sampling, parts.compression].map(size);
+        let sizes =
+            [parts.unseen, parts.band_limit, parts.gather_rays, parts.input, parts.compression].map(size);
         let (kind, _) = sizes.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap_or((0, &0.0));
         largest[kind] += 1;
     }
     let is_corner = |leg: &LastLeg| leg.near > CORNER;
     let squares = |index: usize| parts[index].whole().length_squared();
     let total: f64 = (0..parts.len()).map(squares).sum();
-    let [unseen, band_limit, sampling, compression] = largest.map(|count| count as f64 / n);
+    let [unseen, band_limit, gather_rays, input, compression] = largest.map(|count| count as f64 / n);
     Worst {
         receivers: chosen.len(),
         of_squared_error: if total > 0.0 { chosen.iter().map(|&index| squares(index)).sum::<f64>() / total } else { 0.0 },
         unseen,
         band_limit,
-        sampling,
+        gather_rays,
+        input,
         compression,
         in_corners: chosen.iter().filter(|&&index| is_corner(&legs[index])).count() as f64 / n,
         corners_of_all: legs.iter().filter(|leg| is_corner(leg)).count() as f64 / legs.len().max(1) as f64,
@@ -138,24 +145,26 @@ mod tests {
     fn parts_add_up_and_name_their_worst() {
         let grey = Vec3::splat;
         // 200 receivers without error but for two: one unseen and in a corner, one out of band.
-        let mut legs = vec![
-            LastLeg { all: grey(1.0), seen: grey(1.0), uncompressed: grey(1.0), ..LastLeg::default() };
-            200
-        ];
+        let mut truths = vec![TruthLeg { all: grey(1.0), seen: grey(1.0), dense: grey(1.0) }; 200];
+        let mut legs = vec![LastLeg { uncompressed: grey(1.0), ..LastLeg::default() }; 200];
         let mut compressed = vec![grey(1.0); 200];
-        legs[3] = LastLeg { seen: grey(0.0), uncompressed: grey(0.25), near: 0.9, ..legs[3] };
+        truths[3] = TruthLeg { seen: grey(0.0), dense: grey(0.25), ..truths[3] };
+        legs[3] = LastLeg { uncompressed: grey(0.25), near: 0.9, ..legs[3] };
         compressed[3] = grey(0.25);
-        legs[70] = LastLeg { uncompressed: grey(1.5), ..legs[70] };
-        compressed[70] = grey(1.625);
-        let (errors, worst) = parts(&legs, &compressed, &vec![grey(1.0); 200], &vec![grey(0.01); 200], 1.0);
+        truths[70] = TruthLeg { dense: grey(1.5), ..truths[70] };
+        legs[70] = LastLeg { uncompressed: grey(1.75), ..legs[70] };
+        compressed[70] = grey(1.875);
+        let (errors, worst) = parts(&truths, &legs, &compressed, &vec![grey(1.0); 200], &vec![grey(0.01); 200], 1.0);
         let rms = |squares: f64| (squares / 200.0).sqrt();
         assert!((errors.unseen - rms(1.0)).abs() < 1e-12);
         assert!((errors.band_limit - rms(0.25 * 0.25 + 0.5 * 0.5)).abs() < 1e-12);
         assert!((errors.compression - rms(0.125 * 0.125)).abs() < 1e-12);
-        assert_eq!(errors.sampling, 0.0);
+        assert!((errors.gather_rays - rms(0.25 * 0.25)).abs() < 1e-12);
+        assert_eq!(errors.input, 0.0);
         assert!((errors.reference_noise - 0.01).abs() < 1e-9);
         assert_eq!((worst.receivers, worst.of_squared_error), (2, 1.0));
-        assert_eq!((worst.unseen, worst.band_limit, worst.sampling, worst.compression), (0.5, 0.5, 0.0, 0.0));
+        assert_eq!((worst.unseen, worst.band_limit), (0.5, 0.5));
+        assert_eq!((worst.gather_rays, worst.input, worst.compression), (0.0, 0.0, 0.0));
         assert_eq!((worst.in_corners, worst.corners_of_all), (0.5, 1.0 / 200.0));
     }
 }

@@ -3,7 +3,7 @@
 use super::{
     MeasureSettings,
     flip::mean_flip,
-    last_leg::{LastLeg, last_leg},
+    last_leg::{LastLeg, last_leg, truth_leg},
     lit::{Lit, light},
     metrics::{MethodError, mean},
     parts::{ErrorParts, Worst, parts},
@@ -147,7 +147,8 @@ pub fn measure(
     };
     let methods = [0, 1, 2, 3].map(error);
 
-    let (parts, worst) = parts(&legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
+    let truths = truth_leg(subject, &lit, lighting, sample, progress)?;
+    let (parts, worst) = parts(&truths, &legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
     let brightness = |color: Vec3| luminance(color.as_dvec3());
     let brightness_mean =
         reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / sample.len().max(1) as f64;

@@ -142,10 +142,10 @@ fn the_sky_reaches_receivers_and_probes_each_in_its_way() {
     arrays.ray_level.fill(LEVEL_SKY);
     let surface = uniform_surface(8, 0.5, 0.0, 0.0);
     let sky = vec![Vec3::new(1.0, 0.5, 0.25); test_bake::N_RAYS as usize];
-    let inputs = RelightInputs { sky_rays: &sky, ..RelightInputs::new(&surface) };
+    let without = RelightInputs { sky_rays: &sky, ..RelightInputs::new(&surface) };
+    let inputs = RelightInputs { sky_in_probes: true, ..without };
     let mut gi = CpuRelighter::new(arrays.view()).unwrap();
     assert_furnace(gi.relight(&inputs).unwrap(), furnace_irradiance(0.5, 1.0, 1));
-    let without = RelightInputs { sky_in_probes: false, ..inputs };
     assert!(gi.relight(&without).unwrap().irradiance.iter().all(|value| *value == Vec3::ZERO));
 }
 

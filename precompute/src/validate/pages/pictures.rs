@@ -188,14 +188,10 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
                 "probes hold few SH functions; with relight rays and light map",
             ),
             part("unseen light", errors.unseen, percent(worst.unseen), "from surfaces that no supporting probe sees"),
-            part(
-                "sampling",
-                errors.sampling,
-                percent(worst.sampling),
-                "gather rays of the bake, earlier bounces, noise of the reference",
-            ),
+            part("gather rays", errors.gather_rays, percent(worst.gather_rays), "the bake traces a finite number of them"),
             part("compression", errors.compression, percent(worst.compression), "SVD and 16-bit storage"),
-            part("reference", errors.reference_noise, "–".into(), "standard error of the reference, part of sampling"),
+            part("input", errors.input, percent(worst.input), "earlier bounces, with the noise of the reference"),
+            part("reference", errors.reference_noise, "–".into(), "standard error of the reference, part of input"),
         ],
         note: format!(
             "The worst 1 % of the receivers ({}) hold {} of the squared error; {} of them stand in corners, of all \

@@ -65,7 +65,8 @@ fn largest_part(figures: &crate::validate::report::StateFigures) -> &'static str
         (errors.band_limit, "the band limit of the probes"),
         (errors.unseen, "light that no probe sees"),
         (errors.compression, "compression"),
-        (errors.sampling, "sampling"),
+        (errors.gather_rays, "the number of gather rays"),
+        (errors.input, "earlier bounces"),
     ];
     parts.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or("nothing", |(_, name)| name)
 }
