@@ -1,6 +1,7 @@
-//! `precompute demo`: the whole way on the Cornell box.
+//! `precompute demo`: the whole way on the Cornell box: bake, relight, validate.
 
 use super::relight::{caster, light, take_picture, write_lightmap, write_picture};
+use super::validate::Job;
 use super::{bake, inputs, print_data, write_text};
 use crate::cli::{Demo, View};
 use localprt_precompute::error::CommandError;
@@ -8,6 +9,7 @@ use localprt_precompute::output::OutputError;
 use localprt_precompute::picture::Exposure;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::settings::Preset;
+use localprt_precompute::validate::{MeasureSettings, State};
 use std::fmt::Write as _;
 use std::fs;
 
@@ -57,6 +59,23 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
         }
         let _ = writeln!(found, "{}  {what}", folder.join(name).display());
     }
+    let own = State { name: "the lamp".into(), lighting: inputs::lighting(None, &scene)?, counts: true };
+    let lighting = inputs::lighting(Some(&evening_path), &scene)?;
+    let evening = State { name: "the evening".into(), lighting, counts: true };
+    let quality = folder.join("quality");
+    let job = Job {
+        file: &baked_path,
+        output: &quality,
+        states: vec![own, evening],
+        cameras: scene.cameras.clone(),
+        settings: MeasureSettings { receivers: 1024, picture_paths: 64, ..MeasureSettings::default() },
+        sweeps: &[],
+        failure_case: false,
+        max_nrmse: None,
+    };
+    job.run(baked.view(), &caster, progress)?;
+    let page = quality.join("index.html");
+    let _ = writeln!(found, "{}  how good it is, against path tracing: open it in a browser", page.display());
     let _ = writeln!(found, "{}  indirect irradiance in lightmap coordinates", folder.join("cornell.exr").display());
     let _ =
         writeln!(found, "{}  what the bake made, how good it is, what it cost", folder.join("cornell.json").display());

@@ -3,16 +3,18 @@
 use super::relight::{camera, caster};
 use super::{inputs, to_json, write_text};
 use crate::cli::Validate;
+use localprt_formats::BakedView;
 use localprt_precompute::error::{CommandError, Exit};
-use localprt_precompute::output::OutputError;
+use localprt_precompute::output::{self, OutputError};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::RayCaster;
+use localprt_precompute::validate::pages::{self, Context};
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
-use localprt_precompute::validate::pages::{self, Context};
-use localprt_precompute::validate::{self, MeasureSettings, State, Subject, Sweep};
+use localprt_precompute::validate::{self, MeasureSettings, State, StateFindings, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
 use std::fs;
+use std::path::Path;
 use std::time::Instant;
 
 /// Cameras shown unless one is chosen.
@@ -20,15 +22,9 @@ const MOST_CAMERAS: usize = 3;
 
 /// Runs the subcommand.
 pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> {
-    let started = Instant::now();
     let baked = inputs::baked(&command.file)?;
-    let view = baked.view();
-    let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
-    let states = states(command, &scene)?;
+    let scene = inputs::baked_scene(&command.file, baked.view().metadata, command.scene.as_deref())?;
     let caster = caster(&scene)?;
-    let cameras = cameras(&caster, command.camera)?;
-    fs::create_dir_all(&command.output).map_err(|error| OutputError::write(&command.output, error))?;
-
     let settings = MeasureSettings {
         receivers: command.receivers,
         bounces: command.bounces,
@@ -38,46 +34,109 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         picture_paths: command.picture_paths,
         ..MeasureSettings::default()
     };
-    let about_file = |error| CommandError::from(error).in_file(&command.file);
-    let subject = Subject::new(view, &caster, progress).map_err(about_file)?;
-    let sweeps = command
-        .sweep
-        .iter()
-        .map(|(option, values)| Sweep::new(option, values, &subject.settings, view.metadata.lightmap_size))
-        .collect::<Result<Vec<_>, _>>()?;
-    let findings =
-        validate::validate(&subject, &states, command.failure_case, &sweeps, &cameras, &settings, progress)
-            .map_err(about_file)?;
-    let metrics = Metrics::of(&findings, &settings);
-    let stage = progress.stage("pictures and page", 0);
-    write_text(&command.output.join("metrics.json"), &to_json(&metrics))?;
-    let context = Context {
-        subject: &subject,
-        findings: &findings,
+    let job = Job {
+        file: &command.file,
+        output: &command.output,
+        states: states(command, &scene)?,
+        cameras: cameras(&caster, command.camera)?,
         settings,
-        file: command.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        sweeps: &command.sweep,
+        failure_case: command.failure_case,
         max_nrmse: command.max_nrmse,
-        file_bytes: fs::metadata(&command.file).map_or(0, |data| data.len()),
-        seconds: started.elapsed().as_secs_f64(),
     };
-    pages::write(&command.output, &context)?;
-    drop(stage);
-    for (state, figures) in findings.states.iter().zip(&metrics.states) {
-        let [ours, _, spatial, arikan] = state.methods;
-        progress.note(&format!(
-            "{}: nrmse {:.4} (spatial {:.4}, arikan {:.4}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
-            figures.name,
-            ours.nrmse,
-            spatial.nrmse,
-            arikan.nrmse,
-            ours.median_relative,
-            ours.p95_relative,
-            ours.bias,
-            figures.reference.standard_error
-        ));
+    job.run(baked.view(), &caster, progress)
+}
+
+/// What to validate, and how.
+pub struct Job<'a> {
+    /// The baked file.
+    pub file: &'a Path,
+    /// Folder to write into; made if missing.
+    pub output: &'a Path,
+    /// Lighting states; the first leads.
+    pub states: Vec<State>,
+    /// Views.
+    pub cameras: Vec<Camera>,
+    /// How much is measured.
+    pub settings: MeasureSettings,
+    /// Options and values to bake again with.
+    pub sweeps: &'a [(String, Vec<String>)],
+    /// Whether to add the failure case.
+    pub failure_case: bool,
+    /// Limit of the nrmse.
+    pub max_nrmse: Option<f64>,
+}
+
+impl Job<'_> {
+    /// Measures, writes the folder, and fails with exit code 7 above the limit.
+    pub fn run(&self, view: BakedView<'_>, caster: &RayCaster<'_>, progress: &Progress) -> Result<(), CommandError> {
+        let started = Instant::now();
+        fs::create_dir_all(self.output).map_err(|error| OutputError::write(self.output, error))?;
+        output::check_writable(&self.output.join("index.html"))?;
+        let about_file = |error| CommandError::from(error).in_file(self.file);
+        let subject = Subject::new(view, caster, progress).map_err(about_file)?;
+        let sweep = |(option, values): &(String, Vec<String>)| {
+            Sweep::new(option, values, &subject.settings, view.metadata.lightmap_size)
+        };
+        let sweeps = self.sweeps.iter().map(sweep).collect::<Result<Vec<_>, _>>()?;
+        let findings = validate::validate(
+            &subject,
+            &self.states,
+            self.failure_case,
+            &sweeps,
+            &self.cameras,
+            &self.settings,
+            progress,
+        )
+        .map_err(about_file)?;
+
+        let stage = progress.stage("pictures and page", 0);
+        let metrics = Metrics::of(&findings, &self.settings);
+        write_text(&self.output.join("metrics.json"), &to_json(&metrics))?;
+        let context = Context {
+            subject: &subject,
+            findings: &findings,
+            settings: self.settings,
+            file: self.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            max_nrmse: self.max_nrmse,
+            file_bytes: fs::metadata(self.file).map_or(0, |data| data.len()),
+            seconds: started.elapsed().as_secs_f64(),
+        };
+        pages::write(self.output, &context)?;
+        drop(stage);
+        for (state, figures) in findings.states.iter().zip(&metrics.states) {
+            let [ours, _, spatial, arikan] = state.methods;
+            progress.note(&format!(
+                "{}: nrmse {:.4} (spatial {:.4}, arikan {:.4}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
+                figures.name,
+                ours.nrmse,
+                spatial.nrmse,
+                arikan.nrmse,
+                ours.median_relative,
+                ours.p95_relative,
+                ours.bias,
+                figures.reference.standard_error
+            ));
+        }
+        progress.note(&format!("wrote {}", self.output.join("index.html").display()));
+        self.gate(&findings.states)
     }
-    progress.note(&format!("wrote {}", command.output.join("index.html").display()));
-    gate(command, &findings.states)
+
+    /// Fails above the limit that the user set.
+    fn gate(&self, states: &[StateFindings]) -> Result<(), CommandError> {
+        let Some(allowed) = self.max_nrmse else { return Ok(()) };
+        for state in states.iter().filter(|state| state.state.counts) {
+            let nrmse = state.methods[0].nrmse;
+            // A figure that is not a number is not below any limit.
+            if !(nrmse <= allowed) {
+                let what = format!("nrmse under {} is {nrmse:.4}, allowed is {allowed:.4}", state.state.name);
+                let page = self.output.join("index.html");
+                let help = format!("{} shows where; more probes or a higher --probe-degree lower it", page.display());
+                return Err(CommandError::new(Exit::Quality, what).in_file(self.file).help(help));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The given lighting files; with none the scene's own light; with one both, if the scene has light of its own.
@@ -102,19 +161,4 @@ fn cameras(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Vec<Camera>,
         return Ok(vec![camera(caster, number)?]);
     }
     Ok(own.iter().take(MOST_CAMERAS).cloned().collect())
-}
-
-/// Fails above the limit that the user set.
-fn gate(command: &Validate, states: &[validate::StateFindings]) -> Result<(), CommandError> {
-    let Some(allowed) = command.max_nrmse else { return Ok(()) };
-    for state in states.iter().filter(|state| state.state.counts) {
-        let nrmse = state.methods[0].nrmse;
-        // A figure that is not a number is not below any limit.
-        if !(nrmse <= allowed) {
-            let what = format!("nrmse under {} is {nrmse:.4}, allowed is {allowed:.4}", state.state.name);
-            let help = format!("{} shows where; more probes or a higher --probe-degree lower it", command.output.join("index.html").display());
-            return Err(CommandError::new(Exit::Quality, what).in_file(&command.file).help(help));
-        }
-    }
-    Ok(())
 }

@@ -35,7 +35,9 @@ fn lit_for(subject: &Subject<'_>, receiver: u32) -> Option<State> {
         .directions()
         .iter()
         .filter(|local| local.z > 0.3)
-        .filter_map(|local| caster.closest_hit(origin, tangent * local.x + bitangent * local.y + point.normal * local.z))
+        .filter_map(|local| {
+            caster.closest_hit(origin, tangent * local.x + bitangent * local.y + point.normal * local.z)
+        })
         .filter(|hit| hit.point.is_some() && hit.t >= LEAST_DISTANCE * radius)
         .min_by(|a, b| a.t.total_cmp(&b.t))?;
     let distance = SPOT_DISTANCE * radius;

@@ -221,7 +221,8 @@ impl<'a> Leg<'a> {
         let scene = self.subject.caster.scene();
         let normal = scene.shading_normal(face.mesh, face.triangle, face.barycentrics);
         let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
-        let mut irradiance = direct_irradiance(self.subject.caster, &self.lighting.lights, hit.position, normal, hit.normal);
+        let mut irradiance =
+            direct_irradiance(self.subject.caster, &self.lighting.lights, hit.position, normal, hit.normal);
         if self.lit.previous.is_some() {
             let [a, b, c] = self.subject.atlas.corners[face.face.0 as usize];
             let uv = a * face.barycentrics.x + b * face.barycentrics.y + c * face.barycentrics.z;

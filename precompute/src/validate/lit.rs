@@ -11,8 +11,8 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 use localprt_formats::BakedView;
-use localprt_runtime::{CoverageMap, CpuRelighter, RelightError, RelightInputs, Relit};
 use localprt_runtime::passes::probe_relight::probe_relight;
+use localprt_runtime::{CoverageMap, CpuRelighter, RelightError, RelightInputs, Relit};
 use localprt_scenes::Lighting;
 
 /// One lighting state after some gathers.

@@ -139,7 +139,10 @@ mod tests {
     #[test]
     fn percentiles_take_the_nearest_rank() {
         let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
-        assert_eq!((percentile(&values, 0.5), percentile(&values, 0.95), percentile(&values, 1.0)), (50.0, 95.0, 100.0));
+        assert_eq!(
+            (percentile(&values, 0.5), percentile(&values, 0.95), percentile(&values, 1.0)),
+            (50.0, 95.0, 100.0)
+        );
         assert_eq!((percentile(&[7.0], 0.0), percentile(&[], 0.5)), (7.0, 0.0));
     }
 

@@ -37,6 +37,7 @@ pub use sweep::Sweep;
 
 use crate::{error::BakeError, progress::Progress};
 use coverage::Coverage;
+use glam::Vec3;
 use localprt_scenes::Camera;
 use metrics::{percentile, rank_correlation, relative_errors};
 use path_tracer::PathBudget;
@@ -106,10 +107,13 @@ pub struct NormFigures {
     pub max: f64,
     /// Mean of the RMS over random unit fields: a tenth of the worst case.
     pub mean_rms: f64,
-    /// Spearman's rank correlation of the norm with the absolute error of the compressed light, in the first state.
+    /// Spearman's rank correlation of the norm with the relative error that it speaks of, that of the last leg (unseen light
+    /// and band limit), in the first state.
     pub rank_correlation: Option<f64>,
-    /// The same with the relative error.
+    /// The same with the relative error of the compressed light, earlier bounces and noise included.
     pub rank_correlation_relative: Option<f64>,
+    /// The same with its absolute error.
+    pub rank_correlation_absolute: Option<f64>,
 }
 
 /// Validates a baked file under one or more lighting states, and the sweeps under the first of them. With `failure_case`
@@ -137,7 +141,9 @@ pub fn validate(
         .collect::<Result<_, _>>()?;
     let sweeps = sweeps
         .iter()
-        .filter_map(|sweep| measured.first().map(|state| sweep::run(subject, sweep, state, &sample, settings, progress)))
+        .filter_map(|sweep| {
+            measured.first().map(|state| sweep::run(subject, sweep, state, &sample, settings, progress))
+        })
         .collect::<Result<_, _>>()?;
     Ok(Findings { sample, operator_norm, coverage: Coverage::of(subject), states: measured, sweeps })
 }
@@ -154,7 +160,11 @@ impl Findings {
             p95: percentile(&norms, 0.95),
             max: percentile(&norms, 1.0),
             mean_rms: mean / f64::from(operator_norm::rms_share()),
-            rank_correlation: state.and_then(|state| correlation(state.absolute_errors(&self.sample))),
+            rank_correlation: state.and_then(|state| {
+                let of = |value: fn(&last_leg::TruthLeg) -> Vec3| state.truths.iter().map(value).collect::<Vec<_>>();
+                correlation(relative_errors(&of(|truth| truth.dense), &of(|truth| truth.all)))
+            }),
+            rank_correlation_absolute: state.and_then(|state| correlation(state.absolute_errors(&self.sample))),
             rank_correlation_relative: state.and_then(|state| {
                 correlation(relative_errors(&state.compressed(&self.sample), &state.reference.irradiance))
             }),

@@ -99,13 +99,7 @@ impl ProbeViews {
     }
 }
 
-fn norm_at(
-    subject: &Subject<'_>,
-    receiver: u32,
-    views: &ProbeViews,
-    probe_basis: &Basis,
-    field_basis: &Basis,
-) -> f32 {
+fn norm_at(subject: &Subject<'_>, receiver: u32, views: &ProbeViews, probe_basis: &Basis, field_basis: &Basis) -> f32 {
     let caster = subject.caster;
     let transport = subject.transport();
     let point = subject.point(receiver);

@@ -115,8 +115,7 @@ fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
     let mut largest = [0usize; 5];
     for &index in &chosen {
         let parts = &parts[index];
-        let sizes =
-            [parts.unseen, parts.band_limit, parts.gather_rays, parts.input, parts.compression].map(size);
+        let sizes = [parts.unseen, parts.band_limit, parts.gather_rays, parts.input, parts.compression].map(size);
         let (kind, _) = sizes.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap_or((0, &0.0));
         largest[kind] += 1;
     }
@@ -126,7 +125,11 @@ fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
     let [unseen, band_limit, gather_rays, input, compression] = largest.map(|count| count as f64 / n);
     Worst {
         receivers: chosen.len(),
-        of_squared_error: if total > 0.0 { chosen.iter().map(|&index| squares(index)).sum::<f64>() / total } else { 0.0 },
+        of_squared_error: if total > 0.0 {
+            chosen.iter().map(|&index| squares(index)).sum::<f64>() / total
+        } else {
+            0.0
+        },
         unseen,
         band_limit,
         gather_rays,

@@ -61,11 +61,7 @@ impl Pairs {
                 if clusters[0] == clusters[1] { &mut within } else { &mut across }.push([receiver, other]);
             }
         }
-        Self {
-            charts: thin(subject.view.seams, most),
-            clusters: thin(&across, most),
-            within: thin(&within, most),
-        }
+        Self { charts: thin(subject.view.seams, most), clusters: thin(&across, most), within: thin(&within, most) }
     }
 
     /// All receivers of all pairs.

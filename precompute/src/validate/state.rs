@@ -3,7 +3,7 @@
 use super::{
     MeasureSettings,
     flip::mean_flip,
-    last_leg::{LastLeg, last_leg, truth_leg},
+    last_leg::{LastLeg, TruthLeg, last_leg, truth_leg},
     lit::{Lit, light},
     metrics::{MethodError, mean},
     parts::{ErrorParts, Worst, parts},
@@ -12,11 +12,7 @@ use super::{
     steps::Steps,
     subject::Subject,
 };
-use crate::{
-    error::BakeError,
-    picture::Exposure,
-    progress::Progress,
-};
+use crate::{error::BakeError, picture::Exposure, progress::Progress};
 use glam::Vec3;
 use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
 use localprt_scenes::{Camera, Lighting};
@@ -74,6 +70,8 @@ pub struct StateFindings {
     pub lit: Lit,
     /// Last leg at the measured receivers.
     pub legs: Vec<LastLeg>,
+    /// From the truth to the transport row at the measured receivers.
+    pub truths: Vec<TruthLeg>,
     /// Irradiance maps of [`METHODS`], gutters filled.
     pub maps: [CoverageMap; 4],
     /// Errors of [`METHODS`].
@@ -166,6 +164,7 @@ pub fn measure(
         mean,
         lit,
         legs,
+        truths,
         maps,
         methods,
         parts,
@@ -225,11 +224,8 @@ pub fn irradiance_map(subject: &Subject<'_>, values: &[Vec3]) -> CoverageMap {
 
 /// Receivers in whose texels the views' primary rays end.
 fn seen_receivers(subject: &Subject<'_>, views: &[View]) -> Vec<u32> {
-    let mut seen: Vec<u32> = views
-        .iter()
-        .flat_map(|view| &view.light.rays)
-        .filter_map(|light| subject.receiver_at(light.uv?))
-        .collect();
+    let mut seen: Vec<u32> =
+        views.iter().flat_map(|view| &view.light.rays).filter_map(|light| subject.receiver_at(light.uv?)).collect();
     seen.sort_unstable();
     seen.dedup();
     seen

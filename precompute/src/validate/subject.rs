@@ -61,7 +61,8 @@ impl<'a> Subject<'a> {
         )?;
         let atlas = Atlas::of(caster.scene());
         let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
-        let placed = receivers::place(caster.scene(), &atlas, caster, metadata.lightmap_size, &watch).ok_or(Cancelled)?;
+        let placed =
+            receivers::place(caster.scene(), &atlas, caster, metadata.lightmap_size, &watch).ok_or(Cancelled)?;
 
         let mut at_texel = vec![u32::MAX; metadata.lightmap_size as usize * metadata.lightmap_size as usize];
         for (place, &texel) in placed.texel.iter().enumerate() {
@@ -69,7 +70,10 @@ impl<'a> Subject<'a> {
         }
         let place: Vec<u32> = view.receiver_texel.iter().map(|&texel| at_texel[texel as usize]).collect();
         let stands_there = |(&place, position): (&u32, &[f32; 3])| {
-            placed.position.get(place as usize).is_some_and(|placed| placed.distance(Vec3::from(*position)) <= caster.offset_m())
+            placed
+                .position
+                .get(place as usize)
+                .is_some_and(|placed| placed.distance(Vec3::from(*position)) <= caster.offset_m())
         };
         let strays = place.iter().zip(view.receiver_position).filter(|&pair| !stands_there(pair)).count();
         if strays > 0 || placed.len() != view.receiver_texel.len() {
@@ -77,9 +81,8 @@ impl<'a> Subject<'a> {
             return Err(does_not_fit(&format!("{strays} of its {count} receivers stand elsewhere on this scene")));
         }
         let positions: Vec<Vec3> = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
-        let (probes, support) =
-            probes::link(caster, &positions, &placed.position, &placed.geometric_normal, &settings)
-                .map_err(|error| does_not_fit(&error.to_string()))?;
+        let (probes, support) = probes::link(caster, &positions, &placed.position, &placed.geometric_normal, &settings)
+            .map_err(|error| does_not_fit(&error.to_string()))?;
         let stored_m = view.probes.first().map_or(0.0, |probe| probe.support_radius_m);
         // The search ends on the same radius for the same receivers and probes.
         if (probes.radius_m - stored_m).abs() > 1e-5 * stored_m {

@@ -73,8 +73,9 @@ pub(super) fn section(context: &Context<'_>, metrics: &Metrics, folder: &Folder)
                 fact("95 % of the receivers are below", format!("{:.4}", norm.p95)),
                 fact("largest", format!("{:.4}", norm.max)),
                 fact("mean, random light (RMS)", format!("{:.4}", norm.mean_rms)),
-                fact("rank correlation with the absolute error", correlation(norm.rank_correlation)),
-                fact("rank correlation with the relative error", correlation(norm.rank_correlation_relative)),
+                fact("rank correlation with the relative error of the last leg", correlation(norm.rank_correlation)),
+                fact("with the relative error, earlier bounces and noise included", correlation(norm.rank_correlation_relative)),
+                fact("with the absolute error", correlation(norm.rank_correlation_absolute)),
             ],
         },
         Block::Facts {
@@ -141,7 +142,8 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
     let range = nice_range(unseen, 99.0);
     let caption = "Cosine-weighted directions whose surface no supporting probe sees: their light is lost.";
     sequential("unseen", "Unseen light", "share of the hemisphere", caption, unseen.to_vec(), range);
-    let probes: Vec<f32> = (0..subject.len() as u32).map(|receiver| subject.supporting(receiver).len() as f32).collect();
+    let probes: Vec<f32> =
+        (0..subject.len() as u32).map(|receiver| subject.supporting(receiver).len() as f32).collect();
     let range = nice_range(&probes, 100.0);
     sequential("probes", "Probes per receiver", "supporting probes", "", probes, range);
     let coefficients: Vec<f32> =
@@ -182,11 +184,8 @@ fn clusters(context: &Context<'_>, folder: &Folder) -> Result<Vec<NamedImage>, O
         images.push(NamedImage { name: "Clusters".into(), file, caption: String::new() });
     }
     let size = subject.view.metadata.lightmap_size;
-    let colors: Vec<[u8; 3]> = subject
-        .at_texel
-        .iter()
-        .map(|&receiver| if receiver == u32::MAX { NOTHING } else { color(receiver) })
-        .collect();
+    let colors: Vec<[u8; 3]> =
+        subject.at_texel.iter().map(|&receiver| if receiver == u32::MAX { NOTHING } else { color(receiver) }).collect();
     let file = folder.picture("clusters-atlas", &draw_labels(size, size, &colors, "Clusters, atlas", &note))?;
     images.push(NamedImage { name: "Clusters, atlas".into(), file, caption: String::new() });
     Ok(images)
@@ -276,7 +275,9 @@ fn sweep_pictures(
     index: usize,
     folder: &Folder,
 ) -> Result<Vec<NamedImage>, OutputError> {
-    let grey = |indirect: Vec3, light: &PixelLight| if light.albedo == Vec3::ZERO { Vec3::ZERO } else { indirect / (2.0 * PI) };
+    let grey = |indirect: Vec3, light: &PixelLight| {
+        if light.albedo == Vec3::ZERO { Vec3::ZERO } else { indirect / (2.0 * PI) }
+    };
     let reference = view.light.picture(|light| grey(light.reference(), light));
     let ev = Exposure::Auto.ev(&reference.pixels);
     let all: Vec<f32> = sweep.points.iter().flat_map(|point| point.norms.1.iter().copied()).collect();
@@ -289,8 +290,7 @@ fn sweep_pictures(
             Ok(())
         };
         let mut light = view.light.picture(|light| grey(sampled(&point.map, light), light));
-        let developed =
-            Rgb8Image { width: light.width, height: light.height, pixels: light.develop(Exposure::Ev(ev)) };
+        let developed = Rgb8Image { width: light.width, height: light.height, pixels: light.develop(Exposure::Ev(ev)) };
         add("light", &developed, format!("nrmse {}", percent(point.error.nrmse)))?;
         for (pixel, reference) in light.pixels.iter_mut().zip(&reference.pixels) {
             *pixel = (*pixel - *reference).abs() * 16.0;

@@ -188,7 +188,12 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
                 "probes hold few SH functions; with relight rays and light map",
             ),
             part("unseen light", errors.unseen, percent(worst.unseen), "from surfaces that no supporting probe sees"),
-            part("gather rays", errors.gather_rays, percent(worst.gather_rays), "the bake traces a finite number of them"),
+            part(
+                "gather rays",
+                errors.gather_rays,
+                percent(worst.gather_rays),
+                "the bake traces a finite number of them",
+            ),
             part("compression", errors.compression, percent(worst.compression), "SVD and 16-bit storage"),
             part("input", errors.input, percent(worst.input), "earlier bounces, with the noise of the reference"),
             part("reference", errors.reference_noise, "–".into(), "standard error of the reference, part of input"),
@@ -222,7 +227,8 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
                 border("cluster borders", &steps.clusters),
                 border("within clusters", &steps.within),
             ],
-            note: "RMS of the step in luminance over the mean; what compression adds to a step that is there anyway.".into(),
+            note: "RMS of the step in luminance over the mean; what compression adds to a step that is there anyway."
+                .into(),
             highlight_row: None,
         },
     ];

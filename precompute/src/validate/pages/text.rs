@@ -83,7 +83,11 @@ pub(super) fn bake_section(context: &Context<'_>) -> Section {
         fact("file", context.file.clone()),
         fact("size", megabytes(context.file_bytes)),
         fact("projection, reconstruction", {
-            format!("{}, {}", megabytes(2 * view.projection.len() as u64), megabytes(2 * view.reconstruction.len() as u64))
+            format!(
+                "{}, {}",
+                megabytes(2 * view.projection.len() as u64),
+                megabytes(2 * view.reconstruction.len() as u64)
+            )
         }),
         fact("triangles", number("/scene/triangles")),
         fact("receivers", format!("{} in {}²", view.receiver_texel.len(), metadata.lightmap_size)),

@@ -186,7 +186,8 @@ impl PathTracer<'_> {
             return (Vec3::ZERO, 1);
         }
         let near = SAME_POINT * self.caster.offset_m();
-        let Some(hit) = self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near)
+        let Some(hit) =
+            self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near)
         else {
             return (Vec3::ZERO, 2);
         };

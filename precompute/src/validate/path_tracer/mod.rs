@@ -24,8 +24,8 @@ pub use picture::{PixelLight, ViewLight, ViewSettings};
 
 use crate::rays::{RayCaster, SurfaceHit, frame};
 use emitters::Emitters;
-use lamps::{Lamps, to_solid_angle};
 use glam::{DVec3, Vec3};
+use lamps::{Lamps, to_solid_angle};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, SurfaceShading};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -141,9 +141,9 @@ impl<'a> PathTracer<'a> {
 
     /// A hit as a point that receives light on the side the ray came from.
     fn surface_point(&self, hit: &SurfaceHit) -> SurfacePoint {
-        let normal = hit.point.map_or(hit.normal, |face| {
-            self.caster.scene().shading_normal(face.mesh, face.triangle, face.barycentrics)
-        });
+        let normal = hit
+            .point
+            .map_or(hit.normal, |face| self.caster.scene().shading_normal(face.mesh, face.triangle, face.barycentrics));
         // The other side of a double-sided face.
         let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
         SurfacePoint { position: hit.position, normal, geometric_normal: hit.normal }

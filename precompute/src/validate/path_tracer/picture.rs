@@ -65,7 +65,8 @@ impl ViewLight {
     /// Values per pixel, the mean over its rays that have one; NaN where none has.
     pub fn values(&self, value: impl Fn(&PixelLight) -> Option<f32>) -> Vec<f32> {
         let pixel = |rays: &[PixelLight]| {
-            let (sum, count) = rays.iter().filter_map(&value).fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+            let (sum, count) =
+                rays.iter().filter_map(&value).fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
             if count > 0.0 { sum / count } else { f32::NAN }
         };
         self.rays.chunks_exact(self.per_pixel).map(pixel).collect()
@@ -133,7 +134,13 @@ impl PathTracer<'_> {
         let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
         // All lights, so that a picture's direct light has no noise.
         let lights = &self.lighting.lights;
-        let direct = crate::relight::direct_irradiance(self.caster, lights, point.position, point.normal, point.geometric_normal);
+        let direct = crate::relight::direct_irradiance(
+            self.caster,
+            lights,
+            point.position,
+            point.normal,
+            point.geometric_normal,
+        );
         let mesh = &scene.meshes[face.mesh];
         let uv = mesh.lightmap_uv().map(|set| {
             let corners = mesh.triangles[face.triangle].map(|vertex| set[vertex as usize]);

@@ -69,7 +69,11 @@ fn square(half: f32, height: f32, up: bool) -> [Vec3; 4] {
 }
 
 fn grey(albedo: f32, emission: f32) -> Material {
-    Material { base_color: Vec4::new(albedo, albedo, albedo, 1.0), emission: Vec3::splat(emission), ..Material::default() }
+    Material {
+        base_color: Vec4::new(albedo, albedo, albedo, 1.0),
+        emission: Vec3::splat(emission),
+        ..Material::default()
+    }
 }
 
 /// Form factor of a polygon seen from a point, by Lambert's contour formula: sum of angles times their axes.
@@ -116,8 +120,11 @@ fn a_glowing_sphere_is_a_furnace_whatever_its_polygons() {
 #[test]
 fn a_lit_square_shines_by_its_form_factor() {
     // The sun puts 5 lux on a floor of albedo 0.6: radiance 3 / pi, seen from one meter above and askew.
-    let scene =
-        Scene { meshes: vec![horizontal("floor", square(1.5, 0.0, true), 0)], materials: vec![grey(0.6, 0.0)], ..Scene::default() };
+    let scene = Scene {
+        meshes: vec![horizontal("floor", square(1.5, 0.0, true), 0)],
+        materials: vec![grey(0.6, 0.0)],
+        ..Scene::default()
+    };
     let sun = Light {
         name: "sun".into(),
         kind: LightKind::Directional,
@@ -168,9 +175,17 @@ fn a_glowing_disc_shines_by_its_form_factor() {
 #[test]
 fn the_sky_arrives_where_masks_have_holes() {
     let lid = |alpha: f32, mode| {
-        let material =
-            Material { base_color: Vec4::new(0.0, 0.0, 0.0, alpha), alpha: mode, double_sided: true, ..Material::default() };
-        Scene { meshes: vec![horizontal("lid", square(0.5, 0.5, false), 0)], materials: vec![material], ..Scene::default() }
+        let material = Material {
+            base_color: Vec4::new(0.0, 0.0, 0.0, alpha),
+            alpha: mode,
+            double_sided: true,
+            ..Material::default()
+        };
+        Scene {
+            meshes: vec![horizontal("lid", square(0.5, 0.5, false), 0)],
+            materials: vec![material],
+            ..Scene::default()
+        }
     };
     let lighting = Lighting { sky: Sky::Constant(Vec3::splat(2.0)), ..Lighting::default() };
     let covered = form_factor(Vec3::ZERO, Vec3::Y, &square(0.5, 0.5, false));
@@ -215,7 +230,11 @@ fn two_seeds_agree_within_their_standard_errors() {
             if i % 2 == 0 {
                 SurfacePoint { position: Vec3::new(place(0), 2.0, place(1)), ..DOWN }
             } else {
-                SurfacePoint { position: Vec3::new(-1.0, 1.0 + place(0), place(1)), normal: Vec3::X, geometric_normal: Vec3::X }
+                SurfacePoint {
+                    position: Vec3::new(-1.0, 1.0 + place(0), place(1)),
+                    normal: Vec3::X,
+                    geometric_normal: Vec3::X,
+                }
             }
         })
         .collect();
