@@ -228,7 +228,7 @@ pub struct Validate {
     pub camera: Option<usize>,
     /// Pixels per row
     #[arg(long, value_name = "N", default_value_t = 480, help_heading = "Pictures",
-          value_parser = clap::value_parser!(u32).range(16..=4096))]
+          value_parser = clap::value_parser!(u32).range(16..=2048))]
     pub width: u32,
     /// Paths per pixel of the reference
     #[arg(long, value_name = "N", default_value_t = 128, help_heading = "Pictures",

@@ -73,7 +73,8 @@ pub fn direct_irradiance(
             continue;
         }
         let free = if incident.distance.is_finite() {
-            caster.visible(origin, light.position)
+            // A lamp may be flush with a surface.
+            caster.visible(origin, light.position - incident.dir_to_light * caster.offset_m())
         } else {
             caster.escapes(origin, incident.dir_to_light)
         };

@@ -6,3 +6,4 @@ mod file_to_pixels;
 mod furnace;
 mod light_leak;
 mod sky;
+mod validation;

@@ -9,6 +9,7 @@ use localprt_precompute::output::OutputError;
 use localprt_precompute::picture::Exposure;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::settings::Preset;
+use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::{MeasureSettings, State};
 use std::fmt::Write as _;
 use std::fs;
@@ -68,7 +69,12 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
         output: &quality,
         states: vec![own, evening],
         cameras: scene.cameras.clone(),
-        settings: MeasureSettings { receivers: 1024, picture_paths: 64, ..MeasureSettings::default() },
+        settings: MeasureSettings {
+            receivers: 1024,
+            budget: PathBudget { error: 0.02, most_paths: 4096 },
+            picture_paths: 64,
+            ..MeasureSettings::default()
+        },
         sweeps: &[],
         failure_case: false,
         max_nrmse: None,

@@ -4,13 +4,13 @@
 //! Per receiver, with L(Γ) the outgoing radiance of what a ray meets:
 //!
 //! ```text
-//! all           sum w L(Γ)      every ray of a dense set, exact radiance
-//! seen          sum w L(Γ)      of those whose surface a supporting probe sees
+//! all           E_1 + sum w albedo/pi I(Γ)   path traced first bounce, and the earlier bounces I that the file's light holds
+//! seen          all - sum w L(Γ)             over the dense rays whose surface no supporting probe sees
 //! dense         the transport row of that dense set times the probe radiance (Eq. 7)
 //! uncompressed  the transport row of the bake's own gather rays times the probe radiance
 //! compressed    U S V^T times the probe radiance, from the file in f16
 //!
-//! compressed - reference = (all - reference)            input: earlier bounces, noise of the reference
+//! compressed - reference = (all - reference)            input: earlier bounces; with one bounce there are none
 //!                        + (seen - all)                 unseen light
 //!                        + (dense - seen)               band limit: SH, relight rays, light map
 //!                        + (uncompressed - dense)       gather rays: their number
@@ -40,6 +40,7 @@ use localprt_formats::{
     sh::{self, Basis, Directions, LANES},
     weight::weight_kernel,
 };
+use localprt_runtime::DEFAULT_FEEDBACK_ALBEDO_CAP;
 use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -47,7 +48,7 @@ use std::f32::consts::PI;
 /// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
 pub const NEAR: f32 = 0.5;
 
-/// Rays of the dense set: its error is below that of a reference of 1 %.
+/// Rays of the dense set.
 const DENSE_RAYS: u32 = 4096;
 /// Rays of the comparators, at least.
 const LEAST_RAYS: u32 = 1024;
@@ -55,9 +56,9 @@ const LEAST_RAYS: u32 = 1024;
 /// Irradiance at one receiver, W m^-2, not negative, on the way from the truth to the transport row. See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TruthLeg {
-    /// From every ray, exact.
+    /// All light.
     pub all: Vec3,
-    /// From the rays whose surface a supporting probe sees.
+    /// All but that from surfaces that no supporting probe sees.
     pub seen: Vec3,
     /// Transport row of the dense rays times probe radiance.
     pub dense: Vec3,
@@ -93,7 +94,7 @@ pub fn last_leg(
     each("uncompressed and comparators", receivers, progress, |receiver| leg.methods(receiver, &rays))
 }
 
-/// Walks from the truth to the transport row at some receivers, given in file order.
+/// Walks from the truth to the transport row at some receivers, given in file order, with their path traced first bounce.
 ///
 /// # Errors
 /// [`Cancelled`].
@@ -102,12 +103,16 @@ pub fn truth_leg(
     lit: &Lit,
     lighting: &Lighting,
     receivers: &[u32],
+    first_bounce: &[Vec3],
     progress: &Progress,
 ) -> Result<Vec<TruthLeg>, Cancelled> {
     let leg = Leg::new(subject, lit, lighting);
     let cosine = GatherSet::new(DENSE_RAYS, 0, subject.settings.seed);
     let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed);
-    each("parts of the error", receivers, progress, |receiver| leg.truth(receiver, &cosine, &of_bake))
+    let places: Vec<u32> = (0..receivers.len() as u32).collect();
+    each("parts of the error", &places, progress, |place| {
+        leg.truth(receivers[place as usize], first_bounce[place as usize], &cosine, &of_bake)
+    })
 }
 
 fn each<T: Send>(
@@ -172,22 +177,19 @@ impl<'a> Leg<'a> {
         }
     }
 
-    fn truth(&self, receiver: u32, rays: &GatherSet, of_bake: &GatherSet) -> TruthLeg {
+    fn truth(&self, receiver: u32, first_bounce: Vec3, rays: &GatherSet, of_bake: &GatherSet) -> TruthLeg {
         let probes = self.probes(receiver);
-        let (mut all, mut seen) = (DVec3::ZERO, DVec3::ZERO);
-        self.for_each_ray(receiver, rays, |dir, weight, hit| {
-            let (radiance, is_seen) = match hit {
-                None => (self.lighting.sky.radiance(dir), true),
-                Some(hit) => (self.outgoing(hit), self.is_seen(hit, &probes)),
-            };
-            let light = (weight * radiance).as_dvec3();
-            all += light;
-            if is_seen {
-                seen += light;
+        let (mut all, mut unseen) = (first_bounce.as_dvec3(), DVec3::ZERO);
+        self.for_each_ray(receiver, rays, |_, weight, hit| {
+            let Some(hit) = hit else { return };
+            let earlier = self.reflected_earlier(hit);
+            all += (weight * earlier).as_dvec3();
+            if !self.is_seen(hit, &probes) {
+                unseen += (weight * (self.sent_first(hit) + earlier)).as_dvec3();
             }
         });
         let transport = TransportScene { gather: of_bake, ..self.subject.transport() };
-        TruthLeg { all: positive(all), seen: positive(seen), dense: self.transported(receiver, &transport) }
+        TruthLeg { all: positive(all), seen: positive(all - unseen), dense: self.transported(receiver, &transport) }
     }
 
     /// Calls `visit(direction, weight of an irradiance sum, hit)` for the rays of a cosine-weighted set above the horizon.
@@ -217,19 +219,28 @@ impl<'a> Leg<'a> {
 
     /// Outgoing radiance of a surface point in the last gather: what the light map holds there, without its texels.
     fn outgoing(&self, hit: &SurfaceHit) -> Vec3 {
+        self.sent_first(hit) + self.reflected_earlier(hit)
+    }
+
+    /// Emission and reflected direct light.
+    fn sent_first(&self, hit: &SurfaceHit) -> Vec3 {
         let Some(face) = hit.point else { return Vec3::ZERO };
         let scene = self.subject.caster.scene();
         let normal = scene.shading_normal(face.mesh, face.triangle, face.barycentrics);
         let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
-        let mut irradiance =
-            direct_irradiance(self.subject.caster, &self.lighting.lights, hit.position, normal, hit.normal);
-        if self.lit.previous.is_some() {
-            let [a, b, c] = self.subject.atlas.corners[face.face.0 as usize];
-            let uv = a * face.barycentrics.x + b * face.barycentrics.y + c * face.barycentrics.z;
-            irradiance += self.lit.previous_irradiance(uv);
-        }
+        let lights = &self.lighting.lights;
+        let direct = direct_irradiance(self.subject.caster, lights, hit.position, normal, hit.normal);
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
-        self.shading.emission(face.mesh, face.triangle, face.barycentrics) + albedo / PI * irradiance
+        self.shading.emission(face.mesh, face.triangle, face.barycentrics) + albedo / PI * direct
+    }
+
+    /// Reflected light of the gather before, with the albedo as the feedback limits it.
+    fn reflected_earlier(&self, hit: &SurfaceHit) -> Vec3 {
+        let (Some(face), Some(_)) = (hit.point, &self.lit.previous) else { return Vec3::ZERO };
+        let [a, b, c] = self.subject.atlas.corners[face.face.0 as usize];
+        let uv = a * face.barycentrics.x + b * face.barycentrics.y + c * face.barycentrics.z;
+        let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
+        albedo.min(Vec3::splat(DEFAULT_FEEDBACK_ALBEDO_CAP)) / PI * self.lit.previous_irradiance(uv)
     }
 
     /// Whether any supporting probe sees that side of that point: V_i of Eq. (2).

@@ -57,7 +57,7 @@ pub fn relative_errors(found: &[Vec3], reference: &[Vec3]) -> Vec<f64> {
         .zip(reference)
         .map(|(found, reference)| {
             let reference = brightness(reference);
-            (brightness(found) - reference).abs() / reference.max(DARK * mean)
+            (brightness(found) - reference).abs() / reference.max(DARK * mean).max(f64::MIN_POSITIVE)
         })
         .collect()
 }

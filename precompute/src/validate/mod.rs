@@ -114,13 +114,18 @@ pub struct NormFigures {
     pub rank_correlation_relative: Option<f64>,
     /// The same with its absolute error.
     pub rank_correlation_absolute: Option<f64>,
+    /// Mean relative error of the last leg at the tenth of the receivers with the highest norm, in the first state.
+    pub error_where_high: f64,
+    /// The same at all others.
+    pub error_elsewhere: f64,
 }
 
 /// Validates a baked file under one or more lighting states, and the sweeps under the first of them. With `failure_case`
 /// the lighting of [`failure::failure_case`] is added to the states.
 ///
 /// # Errors
-/// Those of [`state::measure`] and [`sweep::run`].
+/// [`BakeError::Scene`] where no light reaches any receiver under a state that counts (one that does not is left out, with
+/// a warning); those of [`state::measure`] and [`sweep::run`].
 pub fn validate(
     subject: &Subject<'_>,
     states: &[State],
@@ -134,11 +139,20 @@ pub fn validate(
     let pairs = Pairs::of(subject, settings.pairs as usize);
     let operator_norm = operator_norm::operator_norm(subject, &sample, progress)?;
     let worst = if failure_case { failure::failure_case(subject, &sample, &operator_norm) } else { None };
-    let measured: Vec<StateFindings> = states
-        .iter()
-        .chain(&worst)
-        .map(|state| state::measure(subject, state, &sample, &pairs, cameras, settings, progress))
-        .collect::<Result<_, _>>()?;
+    let mut measured: Vec<StateFindings> = Vec::new();
+    for state in states.iter().chain(&worst) {
+        match state::measure(subject, state, &sample, &pairs, cameras, settings, progress)? {
+            Some(found) => measured.push(found),
+            None if state.counts => {
+                return Err(BakeError::Scene {
+                    what: format!("no indirect light reaches any receiver under {}: nothing to compare", state.name),
+                    place: None,
+                    remedy: "give a lighting file that shines on the scene with --lights".into(),
+                });
+            }
+            None => progress.warn(&format!("left out, as no light reaches any receiver: {}", state.name)),
+        }
+    }
     let sweeps = sweeps
         .iter()
         .filter_map(|sweep| {
@@ -152,22 +166,31 @@ impl Findings {
     /// Sums up the operator norm.
     pub fn norm_figures(&self) -> NormFigures {
         let norms: Vec<f64> = self.operator_norm.iter().map(|&norm| f64::from(norm)).collect();
-        let mean = norms.iter().sum::<f64>() / norms.len().max(1) as f64;
-        let state = self.states.first();
-        let correlation = |errors: Vec<f64>| rank_correlation(&norms, &errors);
-        NormFigures {
+        let mean = mean_of(norms.iter().copied());
+        let high = percentile(&norms, 0.9);
+        let mut figures = NormFigures {
             mean,
             p95: percentile(&norms, 0.95),
             max: percentile(&norms, 1.0),
             mean_rms: mean / f64::from(operator_norm::rms_share()),
-            rank_correlation: state.and_then(|state| {
-                let of = |value: fn(&last_leg::TruthLeg) -> Vec3| state.truths.iter().map(value).collect::<Vec<_>>();
-                correlation(relative_errors(&of(|truth| truth.dense), &of(|truth| truth.all)))
-            }),
-            rank_correlation_absolute: state.and_then(|state| correlation(state.absolute_errors(&self.sample))),
-            rank_correlation_relative: state.and_then(|state| {
-                correlation(relative_errors(&state.compressed(&self.sample), &state.reference.irradiance))
-            }),
-        }
+            ..NormFigures::default()
+        };
+        let Some(state) = self.states.first() else { return figures };
+        let of = |value: fn(&last_leg::TruthLeg) -> Vec3| state.truths.iter().map(value).collect::<Vec<_>>();
+        let last_leg = relative_errors(&of(|truth| truth.dense), &of(|truth| truth.all));
+        let compressed = relative_errors(&state.compressed(&self.sample), &state.reference.irradiance);
+        figures.rank_correlation = rank_correlation(&norms, &last_leg);
+        figures.rank_correlation_relative = rank_correlation(&norms, &compressed);
+        figures.rank_correlation_absolute = rank_correlation(&norms, &state.absolute_errors(&self.sample));
+        let pairs = || norms.iter().zip(&last_leg);
+        figures.error_where_high = mean_of(pairs().filter(|(norm, _)| **norm > high).map(|(_, &error)| error));
+        figures.error_elsewhere = mean_of(pairs().filter(|(norm, _)| **norm <= high).map(|(_, &error)| error));
+        figures
     }
+}
+
+/// 0 of nothing.
+fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+    if n > 0.0 { sum / n } else { 0.0 }
 }

@@ -42,7 +42,7 @@ struct ProbeViews {
     dirs: Vec<Vec3>,
     /// `[n_rays][n_sh]` SH values times 4 pi / n_rays.
     table: Vec<f32>,
-    /// `[n_probes][n_rays]`; `None` for sky and black backs.
+    /// `[n_probes][n_rays]`; `None` for sky and black backs. Empty for probes that support no receiver asked for.
     points: Vec<Vec<Option<SeenPoint>>>,
 }
 
@@ -60,7 +60,7 @@ struct SeenPoint {
 pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<f32>, Cancelled> {
     let probe_basis = Basis::new(subject.view.metadata.probe_degree);
     let field_basis = Basis::new(FIELD_DEGREE);
-    let views = ProbeViews::trace(subject, &probe_basis);
+    let views = ProbeViews::trace(subject, receivers, &probe_basis);
     progress.check()?;
     let stage = progress.stage("operator norm", receivers.len() as u64);
     receivers
@@ -80,21 +80,28 @@ pub fn rms_share() -> f32 {
 }
 
 impl ProbeViews {
-    fn trace(subject: &Subject<'_>, basis: &Basis) -> Self {
+    fn trace(subject: &Subject<'_>, receivers: &[u32], basis: &Basis) -> Self {
         let dirs: Vec<Vec3> = (0..RAYS).map(|ray| Vec3::from(spherical_fibonacci(ray, RAYS))).collect();
         let mut table = vec![0.0; dirs.len() * basis.len()];
         for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
             basis.evaluate(dir.to_array(), values);
             values.iter_mut().for_each(|value| *value *= 4.0 * PI / RAYS as f32);
         }
-        let see = |&probe: &Vec3| {
+        let mut is_needed = vec![false; subject.probe_positions().len()];
+        for &probe in receivers.iter().flat_map(|&receiver| subject.supporting(receiver)) {
+            is_needed[probe as usize] = true;
+        }
+        let see = |(&probe, &is_needed): (&Vec3, &bool)| {
+            if !is_needed {
+                return Vec::new();
+            }
             let look = |&dir: &Vec3| {
                 let hit = subject.caster.closest_hit(probe, dir)?;
                 hit.point.map(|_| SeenPoint { position: hit.position, normal: hit.normal })
             };
             dirs.iter().map(look).collect()
         };
-        let points = subject.probe_positions().par_iter().map(see).collect();
+        let points = subject.probe_positions().par_iter().zip(&is_needed).map(see).collect();
         Self { dirs, table, points }
     }
 }

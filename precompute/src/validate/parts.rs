@@ -18,7 +18,7 @@ const CORNER: f32 = 0.25;
 /// [`super::last_leg`] for the parts; squares add up to that of the whole where parts are not correlated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorParts {
-    /// Earlier bounces, with the noise of the reference.
+    /// Earlier bounces, with the noise of two references; 0 with one bounce.
     pub input: f64,
     /// Light from surfaces that no supporting probe sees.
     pub unseen: f64,
@@ -45,7 +45,7 @@ pub struct Worst {
     pub band_limit: f64,
     /// Largest part is the number of gather rays.
     pub gather_rays: f64,
-    /// Largest part is the input: earlier bounces, noise of the reference.
+    /// Largest part is the input: earlier bounces.
     pub input: f64,
     /// Largest part is compression.
     pub compression: f64,

@@ -21,6 +21,9 @@ use serde::Serialize;
 /// Names of the methods, in the order of [`StateFindings::methods`].
 pub const METHODS: [&str; 4] = ["compressed", "uncompressed", "spatial", "arikan"];
 
+/// Rows of a picture, at most: a tall camera must not take all memory.
+const MOST_ROWS: u32 = 2048;
+
 /// Receivers whose reference is below this times the mean get no light to speak of: what they show is leak.
 const SEALED: f64 = 1e-4;
 
@@ -92,8 +95,10 @@ pub struct StateFindings {
 
 /// Measures one state at the receivers `sample`, in file order.
 ///
+/// `None` where no light reaches any receiver.
+///
 /// # Errors
-/// [`BakeError::Scene`] where no light reaches any receiver; those of the relight; [`BakeError::Cancelled`].
+/// Those of the relight; [`BakeError::Cancelled`].
 pub fn measure(
     subject: &Subject<'_>,
     state: &State,
@@ -102,7 +107,7 @@ pub fn measure(
     cameras: &[Camera],
     settings: &MeasureSettings,
     progress: &Progress,
-) -> Result<StateFindings, BakeError> {
+) -> Result<Option<StateFindings>, BakeError> {
     let lighting = &state.lighting;
     let lit = light(subject, lighting, settings.bounces, progress)?;
     let tracer = PathTracer::new(subject.caster, lighting, settings.bounces, settings.seed);
@@ -110,11 +115,7 @@ pub fn measure(
     let reference = tracer.estimate(&points, settings.budget, progress)?;
     let mean = mean(&reference.irradiance);
     if !(mean > 0.0) {
-        return Err(BakeError::Scene {
-            what: format!("no indirect light reaches any receiver under {}: there is nothing to compare", state.name),
-            place: None,
-            remedy: "give a lighting file that shines on the scene with --lights".into(),
-        });
+        return Ok(None);
     }
     let views = views(&tracer, cameras, settings, progress)?;
 
@@ -145,7 +146,15 @@ pub fn measure(
     };
     let methods = [0, 1, 2, 3].map(error);
 
-    let truths = truth_leg(subject, &lit, lighting, sample, progress)?;
+    // With one bounce the reference is the first bounce.
+    let first_bounce = match settings.bounces {
+        1 => reference.irradiance.clone(),
+        _ => {
+            let tracer = PathTracer::new(subject.caster, lighting, 1, settings.seed ^ 0xf157);
+            tracer.estimate(&points, settings.budget, progress)?.irradiance
+        }
+    };
+    let truths = truth_leg(subject, &lit, lighting, sample, &first_bounce, progress)?;
     let (parts, worst) = parts(&truths, &legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
     let brightness = |color: Vec3| luminance(color.as_dvec3());
     let brightness_mean =
@@ -158,7 +167,7 @@ pub fn measure(
     );
     let leak = leak(&compressed, &reference.irradiance, brightness_mean);
     let flip_noise = views.iter().map(View::flip_noise).sum::<f64>() / views.len().max(1) as f64;
-    Ok(StateFindings {
+    Ok(Some(StateFindings {
         state: state.clone(),
         reference,
         mean,
@@ -173,7 +182,7 @@ pub fn measure(
         leak,
         views,
         flip_noise,
-    })
+    }))
 }
 
 fn views(
@@ -186,7 +195,7 @@ fn views(
         let aspect = camera.aspect.filter(|aspect| (0.1..=10.0).contains(aspect)).unwrap_or(4.0 / 3.0);
         let size = ViewSettings {
             width: settings.picture_width,
-            height: ((settings.picture_width as f32 / aspect).round() as u32).max(1),
+            height: ((settings.picture_width as f32 / aspect).round() as u32).clamp(1, MOST_ROWS),
             rays_per_axis: 2,
             paths: settings.picture_paths.div_ceil(4),
         };

@@ -121,14 +121,14 @@ pub fn run(
         .map(|(value, options)| {
             progress.note(&format!("sweep: {} = {value}", sweep.option));
             let output = bake(subject.caster.scene().clone(), options, progress)?;
-            let again = Subject::new(output.arrays.view(), subject.caster, progress)?;
-            if output.unwrapped || again.len() != subject.len() {
+            if output.unwrapped {
                 return Err(BakeError::Scene {
                     what: "the scene's lightmap layout was not kept by a bake of the sweep".into(),
                     place: None,
                     remedy: "validate with the scene that was written beside the baked file".into(),
                 });
             }
+            let again = Subject::new(output.arrays.view(), subject.caster, progress)?;
             // Clusters, and so the order of the receivers, differ from bake to bake; their texels do not.
             let in_bake = |receiver: u32| again.at_texel[subject.view.receiver_texel[receiver as usize] as usize];
             let lit = light(&again, &state.state.lighting, settings.bounces, progress)?;

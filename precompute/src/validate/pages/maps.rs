@@ -76,6 +76,8 @@ pub(super) fn section(context: &Context<'_>, metrics: &Metrics, folder: &Folder)
                 fact("rank correlation with the relative error of the last leg", correlation(norm.rank_correlation)),
                 fact("with the relative error, earlier bounces and noise included", correlation(norm.rank_correlation_relative)),
                 fact("with the absolute error", correlation(norm.rank_correlation_absolute)),
+                fact("mean error of the last leg, tenth of highest norm", percent(norm.error_where_high)),
+                fact("the same, elsewhere", percent(norm.error_elsewhere)),
             ],
         },
         Block::Facts {
@@ -237,7 +239,8 @@ fn charts(sweep: &SweepFindings, option: &str) -> Vec<(&'static str, Chart)> {
     // Values that are no numbers are drawn by their place.
     let numbers: Option<Vec<f64>> = sweep.points.iter().map(|point| point.value.parse().ok()).collect();
     let x = numbers.unwrap_or_else(|| (1..=sweep.points.len()).map(|place| place as f64).collect());
-    let wide = x.iter().copied().fold(0.0, f64::max) > 8.0 * x.iter().copied().fold(f64::INFINITY, f64::min);
+    let least = x.iter().copied().fold(f64::INFINITY, f64::min);
+    let wide = least > 0.0 && x.iter().copied().fold(0.0, f64::max) > 8.0 * least;
     let series = |name: &str, value: &dyn Fn(&SweepPoint) -> f64| Series {
         name: name.into(),
         points: x.iter().zip(&sweep.points).map(|(&x, point)| [x, value(point)]).collect(),

@@ -65,7 +65,8 @@ fn methods(figures: &StateFigures) -> Block {
         rows: names.into_iter().zip(errors).map(row).collect(),
         note: format!(
             "The reference itself has a standard error of {} of the mean ({:.0} paths per receiver); FLIP between two \
-             halves of its pictures is {:.4}. Mean indirect irradiance {:.4} W/m².",
+             halves of its pictures is {:.4}; pictures of other methods than ours are interpolated between some \
+             thousand receivers. Mean indirect irradiance {:.4} W/m².",
             percent(figures.reference.standard_error),
             figures.reference.paths,
             figures.flip_noise,
@@ -195,8 +196,8 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
                 "the bake traces a finite number of them",
             ),
             part("compression", errors.compression, percent(worst.compression), "SVD and 16-bit storage"),
-            part("input", errors.input, percent(worst.input), "earlier bounces, with the noise of the reference"),
-            part("reference", errors.reference_noise, "–".into(), "standard error of the reference, part of input"),
+            part("input", errors.input, percent(worst.input), "earlier bounces, with noise of the reference"),
+            part("reference", errors.reference_noise, "–".into(), "its standard error, part of every figure above"),
         ],
         note: format!(
             "The worst 1 % of the receivers ({}) hold {} of the squared error; {} of them stand in corners, of all \

@@ -61,12 +61,15 @@ pub(super) fn verdict(context: &Context<'_>, metrics: &Metrics) -> Verdict {
 
 fn largest_part(figures: &crate::validate::report::StateFigures) -> &'static str {
     let errors = &figures.errors;
+    // The reference and the first bounce are two estimates of the same noise.
+    let noise = 2.0 * errors.reference_noise.powi(2);
     let parts = [
         (errors.band_limit, "the band limit of the probes"),
         (errors.unseen, "light that no probe sees"),
         (errors.compression, "compression"),
         (errors.gather_rays, "the number of gather rays"),
-        (errors.input, "earlier bounces"),
+        ((errors.input.powi(2) - noise).max(0.0).sqrt(), "earlier bounces"),
+        (errors.reference_noise, "noise of the reference"),
     ];
     parts.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or("nothing", |(_, name)| name)
 }

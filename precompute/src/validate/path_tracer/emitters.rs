@@ -18,6 +18,8 @@ pub(super) struct Emitters {
 
 struct Emitter {
     face: FaceId,
+    mesh: usize,
+    triangle: usize,
     corners: [Vec3; 3],
 }
 
@@ -36,7 +38,7 @@ impl Emitters {
             let mean = mean_emission(shading, mesh, triangle);
             if area * mean > 0.0 {
                 total += area * mean;
-                emitters.triangles.push(Emitter { face: FaceId(face as u32), corners });
+                emitters.triangles.push(Emitter { face: FaceId(face as u32), mesh, triangle, corners });
                 emitters.rising.push(total);
                 areas.push(area);
             }
@@ -53,6 +55,12 @@ impl Emitters {
 
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
+    }
+
+    /// Mesh and triangle of an emissive face.
+    pub(super) fn place(&self, face: FaceId) -> (usize, usize) {
+        let index = self.triangles.partition_point(|emitter| emitter.face < face).min(self.triangles.len() - 1);
+        (self.triangles[index].mesh, self.triangles[index].triangle)
     }
 
     /// A point of an emissive triangle.

@@ -10,11 +10,15 @@ use rayon::prelude::*;
 const BATCH: u32 = 64;
 /// Batches of the first round; fewer tell too little about their own spread.
 const FIRST_BATCHES: u32 = 8;
+/// Points on either side in the list whose spread counts as well: one that has not yet met a rare bright path has
+/// neighbors that have. Lists are in spatial order.
+const NEIGHBORS: usize = 16;
 
 /// When to stop sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathBudget {
-    /// Standard error of a point's luminance to reach, as a share of the mean luminance over all points.
+    /// Standard error of a point to reach (luminance of the bands' errors), as a share of the mean luminance over all
+    /// points.
     pub error: f64,
     /// Most paths per point, whatever its error.
     pub most_paths: u32,
@@ -66,8 +70,10 @@ impl Sums {
 }
 
 impl PathTracer<'_> {
-    /// Irradiance at points. Sampling goes on in rounds, each as large as all before, for the points whose luminance has
-    /// a standard error above the budget's. The same on any number of threads.
+    /// Irradiance at points, listed so that neighbors in space follow each other. Sampling goes on in rounds, each as large
+    /// as all before, for the points whose standard error, or that of their neighbors in the list together, is above the
+    /// budget's: a point that stopped by its own spread alone would stop too often where it has missed what is bright and
+    /// rare. The same on any number of threads.
     ///
     /// # Errors
     /// [`Cancelled`].
@@ -101,7 +107,13 @@ impl PathTracer<'_> {
             }
             let mean = sums.iter().map(|sums| luminance(sums.mean())).sum::<f64>() / points.len() as f64;
             let allowed = budget.error * mean;
-            open.retain(|&index| luminance(sums[index as usize].standard_error()) > allowed);
+            let variances: Vec<f64> = sums.iter().map(|sums| luminance(sums.standard_error()).powi(2)).collect();
+            open.retain(|&index| {
+                let index = index as usize;
+                let around = &variances[index.saturating_sub(NEIGHBORS)..points.len().min(index + NEIGHBORS + 1)];
+                let pooled = around.iter().sum::<f64>() / around.len() as f64;
+                variances[index].max(pooled) > allowed * allowed
+            });
             if batches >= most_batches {
                 break;
             }

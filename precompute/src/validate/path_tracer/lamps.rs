@@ -2,7 +2,8 @@
 //!
 //! A lamp close to a wall makes a small spot that lights the whole room and that few cosine-distributed rays find. So
 //! surface points are sampled from the lamps as well: a ray leaves a lamp, and where it lands is joined to the point that
-//! gathers. Both ways of finding a point are combined by the balance heuristic.
+//! gathers. The light of each lamp is an integral of its own, found by both kinds of rays and combined by the balance
+//! heuristic.
 
 use super::{PathTracer, Random, SurfacePoint};
 use glam::Vec3;
@@ -14,7 +15,9 @@ const MOST_LIGHTS: usize = 8;
 /// How many are drawn.
 const DRAWN: usize = 4;
 /// A joining ray has to end this near to the sampled point, times the ray offset.
-const SAME_POINT: f32 = 4.0;
+pub(super) const SAME_POINT: f32 = 4.0;
+/// Spots with a smaller share of the sphere are left to the cosine: f32 cannot tell directions within them apart.
+const LEAST_CONE: f32 = 1e-6;
 
 /// The lights of a state as places that light is sent from.
 pub(super) struct Lamps {
@@ -26,15 +29,24 @@ pub(super) struct Lamps {
     radius: f32,
 }
 
-/// Direct light at a point.
+/// Light of one lamp at a point.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Direct {
+struct Direct {
     /// Irradiance, W m^-2.
-    pub irradiance: Vec3,
-    /// Density, per square metre, with which [`PathTracer::from_lamps`] lands on the point.
+    irradiance: Vec3,
+    /// Density, per square metre, with which [`PathTracer::from_lamps`] lands on the point from this lamp.
+    density: f32,
+}
+
+/// How a point was found that gathers by the cosine: to weigh its direct light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FoundByCosine {
+    /// Density of the direction, per steradian.
     pub density: f32,
-    /// Shadow rays taken.
-    pub rays: u32,
+    /// Way to the point, metres.
+    pub distance: f32,
+    /// Cosine between the way and the point's normal.
+    pub cosine: f32,
 }
 
 impl Lamps {
@@ -46,12 +58,12 @@ impl Lamps {
             center: (low + high) / 2.0,
             radius: (scene.extent() / 2.0).max(f32::MIN_POSITIVE),
         };
-        if lights.len() > MOST_LIGHTS {
-            return lamps;
-        }
         let mut total = 0.0;
         for light in lights {
-            total += f64::from((light.color * light.intensity).max_element() / lamps.ray_density(light)).max(0.0);
+            let density = lamps.ray_density(light);
+            if density > 0.0 {
+                total += f64::from((light.color * light.intensity).max_element() / density).max(0.0);
+            }
             lamps.rising.push(total);
         }
         if total > 0.0 {
@@ -74,11 +86,17 @@ impl Lamps {
         }
     }
 
-    /// Density of the rays that are sent from a light: per steradian, or per square metre across parallel light.
+    /// Density of the rays that are sent from a light: per steradian, or per square metre across parallel light. 0 for a
+    /// light that is not sampled.
     fn ray_density(&self, light: &Light) -> f32 {
         match light.kind {
             LightKind::Point => 1.0 / (2.0 * TAU),
-            LightKind::Spot { outer_cone, .. } => 1.0 / (TAU * (1.0 - outer_cone.cos()).max(1e-6)),
+            LightKind::Spot { .. } if light.direction == Vec3::ZERO => 0.0,
+            LightKind::Spot { outer_cone, .. } => match cone_height(outer_cone) {
+                height if height >= LEAST_CONE => 1.0 / (TAU * height),
+                _ => 0.0,
+            },
+            LightKind::Directional if light.direction == Vec3::ZERO => 0.0,
             LightKind::Directional => FRAC_1_PI / (self.radius * self.radius),
         }
     }
@@ -86,15 +104,18 @@ impl Lamps {
     /// A ray sent from a light: origin and direction.
     fn ray(&self, light: &Light, [u, v]: [f64; 2]) -> (Vec3, Vec3) {
         let (sin, cos) = (TAU * v as f32).sin_cos();
-        let (tangent, bitangent) = crate::rays::frame(light.direction);
-        let around = |z: f32| {
-            let across = (1.0 - z * z).max(0.0).sqrt();
-            (tangent * cos + bitangent * sin) * across + light.direction * z
+        let around = |axis: Vec3, drop: f32| {
+            let (tangent, bitangent) = crate::rays::frame(axis);
+            let across = (drop * (2.0 - drop)).max(0.0).sqrt();
+            (tangent * cos + bitangent * sin) * across + axis * (1.0 - drop)
         };
         match light.kind {
-            LightKind::Point => (light.position, around(1.0 - 2.0 * u as f32)),
-            LightKind::Spot { outer_cone, .. } => (light.position, around(1.0 - u as f32 * (1.0 - outer_cone.cos()))),
+            LightKind::Point => (light.position, around(Vec3::Y, 2.0 * u as f32)),
+            LightKind::Spot { outer_cone, .. } => {
+                (light.position, around(light.direction, u as f32 * cone_height(outer_cone)))
+            }
             LightKind::Directional => {
+                let (tangent, bitangent) = crate::rays::frame(light.direction);
                 let across = (tangent * cos + bitangent * sin) * (u as f32).sqrt() * self.radius;
                 (self.center + across - light.direction * self.radius, light.direction)
             }
@@ -102,21 +123,51 @@ impl Lamps {
     }
 }
 
+/// `1 - cos` of a half angle, exact for small ones.
+fn cone_height(half_angle: f32) -> f32 {
+    let sine = (f64::from(half_angle) / 2.0).sin();
+    (2.0 * sine * sine) as f32
+}
+
 impl PathTracer<'_> {
-    /// Light straight from the lamps at a point. Of many lamps a few are drawn with probabilities proportional to the light
-    /// they would give without shadows.
-    pub(super) fn direct(&self, point: &SurfacePoint, random: &mut Random) -> Direct {
-        if self.lamps.lights.len() > MOST_LIGHTS {
-            return self.direct_drawn(point, random);
-        }
-        let mut direct = Direct::default();
-        for index in 0..self.lamps.lights.len() {
+    /// Light straight from the lamps at a point, and the shadow rays it took. With `found` the light of each lamp is
+    /// weighted against [`PathTracer::from_lamps`].
+    ///
+    /// Of many lamps a few are drawn with probabilities proportional to the light they would give without shadows.
+    pub(super) fn direct(&self, point: &SurfacePoint, found: FoundByCosine, random: &mut Random) -> (Vec3, u32) {
+        let weighted = |index: usize| {
             let one = self.direct_of(index, point);
-            direct.irradiance += one.irradiance;
-            direct.density += one.density;
-            direct.rays += one.rays;
+            let by_lamp = to_solid_angle(one.density, found.distance, found.cosine);
+            one.irradiance * (found.density / (found.density + by_lamp))
+        };
+        let lights = &self.lamps.lights;
+        if lights.len() <= MOST_LIGHTS {
+            return ((0..lights.len()).map(weighted).sum(), lights.len() as u32);
         }
-        direct
+        let mut total = 0.0;
+        let rising: Vec<f64> = lights
+            .iter()
+            .map(|light| {
+                total += light.incident(point.position).map_or(0.0, |incident| {
+                    let cosine = point.normal.dot(incident.dir_to_light).max(0.0);
+                    f64::from(cosine * incident.irradiance.max_element())
+                });
+                total
+            })
+            .collect();
+        if total <= 0.0 {
+            return (Vec3::ZERO, 0);
+        }
+        let mut sum = Vec3::ZERO;
+        for _ in 0..DRAWN {
+            let at = random.next() * total;
+            let chosen = rising.partition_point(|&end| end <= at).min(rising.len() - 1);
+            let share = (rising[chosen] - if chosen > 0 { rising[chosen - 1] } else { 0.0 }) / total;
+            if share > 0.0 {
+                sum += weighted(chosen) / (share as f32 * DRAWN as f32);
+            }
+        }
+        (sum, DRAWN as u32)
     }
 
     fn direct_of(&self, index: usize, point: &SurfacePoint) -> Direct {
@@ -127,56 +178,28 @@ impl PathTracer<'_> {
         if cosine <= 0.0 || across <= 0.0 {
             return Direct::default();
         }
-        let origin = point.position + point.geometric_normal * self.caster.offset_m();
+        let offset_m = self.caster.offset_m();
+        let origin = point.position + point.geometric_normal * offset_m;
         let (is_free, spread) = if incident.distance.is_finite() {
-            (self.caster.visible(origin, light.position), across / (incident.distance * incident.distance))
+            let end = light.position - incident.dir_to_light * offset_m;
+            (self.caster.visible(origin, end), across / (incident.distance * incident.distance))
         } else {
             (self.caster.escapes(origin, incident.dir_to_light), across)
         };
         if !is_free {
-            return Direct { rays: 1, ..Direct::default() };
+            return Direct::default();
         }
         let density = self.lamps.probability(index) * self.lamps.ray_density(light) * spread;
-        Direct { irradiance: incident.irradiance * cosine, density, rays: 1 }
+        Direct { irradiance: incident.irradiance * cosine, density }
     }
 
-    fn direct_drawn(&self, point: &SurfacePoint, random: &mut Random) -> Direct {
-        let mut total = 0.0;
-        let rising: Vec<f64> = self
-            .lamps
-            .lights
-            .iter()
-            .map(|light| {
-                total += light.incident(point.position).map_or(0.0, |incident| {
-                    let cosine = point.normal.dot(incident.dir_to_light).max(0.0);
-                    f64::from(cosine * incident.irradiance.max_element())
-                });
-                total
-            })
-            .collect();
-        let mut direct = Direct::default();
-        if total <= 0.0 {
-            return direct;
-        }
-        for _ in 0..DRAWN {
-            let at = random.next() * total;
-            let chosen = rising.partition_point(|&end| end <= at).min(rising.len() - 1);
-            let share = (rising[chosen] - if chosen > 0 { rising[chosen - 1] } else { 0.0 }) / total;
-            if share > 0.0 {
-                let one = self.direct_of(chosen, point);
-                direct.irradiance += one.irradiance / (share as f32 * DRAWN as f32);
-                direct.rays += one.rays;
-            }
-        }
-        direct
-    }
-
-    /// Irradiance at a point by way of one surface point that a lamp shines on, weighted against sampling by the cosine;
-    /// and the rays it took.
+    /// Irradiance at a point by way of one surface point that a lamp shines on, from that lamp, weighted against sampling
+    /// by the cosine; and the rays it took.
     pub(super) fn from_lamps(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> (Vec3, u32) {
         let which = random.next();
         let index = self.lamps.rising.partition_point(|&end| end <= which).min(self.lamps.lights.len() - 1);
         let (start, sent) = self.lamps.ray(&self.lamps.lights[index], random.pair());
+        let start = start + sent * self.caster.offset_m();
         let Some(landed) = self.caster.closest_hit(start, sent).filter(|hit| hit.point.is_some()) else {
             return (Vec3::ZERO, 1);
         };
@@ -186,25 +209,20 @@ impl PathTracer<'_> {
             return (Vec3::ZERO, 1);
         }
         let near = SAME_POINT * self.caster.offset_m();
-        let Some(hit) =
-            self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near)
-        else {
-            return (Vec3::ZERO, 2);
-        };
-        let Some(face) = hit.point else { return (Vec3::ZERO, 2) };
-        let lit = self.surface_point(&hit);
-        // What the chosen lamp itself does not light, by range or rounding, is left to the cosine.
-        if self.direct_of(index, &lit).density <= 0.0 {
+        let joined = self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near);
+        let Some((hit, face)) = joined.and_then(|hit| Some((hit, hit.point?))) else { return (Vec3::ZERO, 2) };
+        let direct = self.direct_of(index, &self.surface_point(&hit));
+        // What the lamp itself does not light, by range or rounding, is left to the cosine.
+        if direct.density <= 0.0 {
             return (Vec3::ZERO, 3);
         }
-        let direct = self.direct(&lit, random);
-        let by_lamps = to_solid_angle(direct.density, hit.t, hit.normal.dot(dir));
+        let by_lamp = to_solid_angle(direct.density, hit.t, hit.normal.dot(dir));
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
-        (albedo / PI * direct.irradiance * cosine / (by_lamps + cosine * FRAC_1_PI), 3 + direct.rays)
+        (albedo / PI * direct.irradiance * cosine / (by_lamp + cosine * FRAC_1_PI), 3)
     }
 }
 
 /// Density per square metre of a surface to density per steradian seen from `distance` metres.
-pub(super) fn to_solid_angle(density: f32, distance: f32, cosine: f32) -> f32 {
+fn to_solid_angle(density: f32, distance: f32, cosine: f32) -> f32 {
     if density > 0.0 { density * distance * distance / cosine.abs().max(f32::MIN_POSITIVE) } else { 0.0 }
 }

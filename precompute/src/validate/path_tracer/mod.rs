@@ -16,6 +16,7 @@ mod emitters;
 mod estimate;
 mod lamps;
 mod picture;
+mod sky;
 #[cfg(test)]
 mod tests;
 
@@ -25,9 +26,10 @@ pub use picture::{PixelLight, ViewLight, ViewSettings};
 use crate::rays::{RayCaster, SurfaceHit, frame};
 use emitters::Emitters;
 use glam::{DVec3, Vec3};
-use lamps::{Lamps, to_solid_angle};
+use lamps::{FoundByCosine, Lamps, SAME_POINT};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, SurfaceShading};
+use sky::SkySampler;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A point that receives light.
@@ -48,6 +50,7 @@ pub struct PathTracer<'a> {
     shading: SurfaceShading<'a>,
     emitters: Emitters,
     lamps: Lamps,
+    sky: SkySampler,
     bounces: u32,
     seed: u64,
 }
@@ -76,7 +79,8 @@ impl<'a> PathTracer<'a> {
         let shading = SurfaceShading::new(caster.scene(), lighting);
         let emitters = Emitters::of(caster.scene(), &shading);
         let lamps = Lamps::of(&lighting.lights, caster.scene());
-        Self { caster, lighting, shading, emitters, lamps, bounces, seed }
+        let sky = SkySampler::of(&lighting.sky);
+        Self { caster, lighting, shading, emitters, lamps, sky, bounces, seed }
     }
 
     /// One estimate of E_k at a point, W m^-2, and the rays it took. `first` chooses the first direction on the unit
@@ -94,6 +98,10 @@ impl<'a> PathTracer<'a> {
                 sum += weight * self.from_emitters(&point, origin, random);
                 rays += 1;
             }
+            if self.sky.is_sampled() {
+                sum += weight * self.from_sky(&point, origin, random);
+                rays += 1;
+            }
             if self.lamps.are_sampled() {
                 let (light, traced) = self.from_lamps(&point, origin, random);
                 sum += weight * light;
@@ -103,13 +111,14 @@ impl<'a> PathTracer<'a> {
             let by_cosine = local.z * FRAC_1_PI;
             let (tangent, bitangent) = frame(point.normal);
             let dir = tangent * local.x + bitangent * local.y + point.normal * local.z;
-            if dir.dot(point.geometric_normal) <= 0.0 {
+            if local.z <= 0.0 || dir.dot(point.geometric_normal) <= 0.0 {
                 break;
             }
             rays += 1;
             let Some(hit) = self.caster.closest_hit(origin, dir) else {
                 // Density cos/pi, measured by cos: a factor of pi.
-                sum += weight * PI * self.lighting.sky.radiance(dir);
+                let by_sky = self.sky.density(dir);
+                sum += weight * PI * self.lighting.sky.radiance(dir) * (by_cosine / (by_cosine + by_sky));
                 break;
             };
             let Some(face) = hit.point else { break };
@@ -121,10 +130,10 @@ impl<'a> PathTracer<'a> {
             // pi from the density, albedo / pi from the reflection.
             weight *= self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
             point = self.surface_point(&hit);
-            let direct = self.direct(&point, random);
-            let by_lamps = to_solid_angle(direct.density, hit.t, hit.normal.dot(dir));
-            sum += weight * direct.irradiance * (by_cosine / (by_cosine + by_lamps));
-            rays += direct.rays;
+            let found = FoundByCosine { density: by_cosine, distance: hit.t, cosine: hit.normal.dot(dir) };
+            let (direct, shadow_rays) = self.direct(&point, found, random);
+            sum += weight * direct;
+            rays += shadow_rays;
             if gather == self.bounces {
                 break;
             }
@@ -158,13 +167,34 @@ impl<'a> PathTracer<'a> {
             return Vec3::ZERO;
         }
         let Some(hit) = self.caster.closest_hit(origin, dir) else { return Vec3::ZERO };
-        let Some(seen) = hit.point.filter(|seen| seen.face == face) else { return Vec3::ZERO };
+        // Rounding may lead to the triangle beside it, of which this side glows as well.
+        let near = SAME_POINT * self.caster.offset_m();
+        let scene = self.caster.scene();
+        let is_beside = || {
+            let (mesh, triangle) = self.emitters.place(face);
+            hit.position.distance(target) <= near && scene.geometric_normal(mesh, triangle).dot(dir) < 0.0
+        };
+        let Some(seen) = hit.point.filter(|seen| seen.face == face || is_beside()) else { return Vec3::ZERO };
         let by_emitter = self.emitters.density(&hit, dir);
         if by_emitter <= 0.0 {
             return Vec3::ZERO;
         }
         let emission = self.shading.emission(seen.mesh, seen.triangle, seen.barycentrics);
         emission * cosine / (by_emitter + cosine * FRAC_1_PI)
+    }
+}
+
+impl PathTracer<'_> {
+    /// Irradiance from one direction of the sky, weighted against sampling by the cosine.
+    fn from_sky(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> Vec3 {
+        let dir = self.sky.sample(random.next(), random.pair());
+        let cosine = point.normal.dot(dir);
+        let by_sky = self.sky.density(dir);
+        if cosine <= 0.0 || point.geometric_normal.dot(dir) <= 0.0 || by_sky <= 0.0 || !self.caster.escapes(origin, dir)
+        {
+            return Vec3::ZERO;
+        }
+        self.lighting.sky.radiance(dir) * cosine / (by_sky + cosine * FRAC_1_PI)
     }
 }
 

@@ -221,6 +221,85 @@ fn many_lights_give_what_all_of_them_give() {
 }
 
 #[test]
+fn a_sun_in_a_sky_image_is_found() {
+    // One bright pixel of 512 x 256 in a dim sky: E = pi on the plane from the rest, and the pixel's light times its cosine.
+    let (width, height) = (512, 256);
+    let (column, row) = (100, 60);
+    let mut pixels = vec![Vec3::ONE; width * height];
+    // Bilinear filtering spreads a pixel over its neighbors and keeps its integral but for the change of the cosine.
+    let polar = (row as f64 + 0.5) / height as f64 * PI64;
+    let solid_angle = (PI64 / height as f64) * (2.0 * PI64 / width as f64) * polar.sin();
+    pixels[row * width + column] = Vec3::splat(1.0 + 50_000.0);
+    let sky = Sky::Equirect { width: width as u32, height: height as u32, pixels, scale: 1.0, rotation: 30.0 };
+    let lighting = Lighting { sky, ..Lighting::default() };
+    let scene = Scene {
+        // Far below, so that the scene has a surface.
+        meshes: vec![horizontal("floor", square(0.5, -5.0, true), 0)],
+        materials: vec![grey(0.0, 0.0)],
+        ..Scene::default()
+    };
+    let expected = PI64 + 50_000.0 * solid_angle * polar.cos();
+    let estimates = estimate(&scene, &lighting, 1, &[UP], 65_536);
+    // The two pixels across which the sun spreads: (pi / 256)^2 / 4 of the second derivative, 4e-5.
+    assert_agrees(&estimates, expected, 1e-4);
+    // And where it was put: column 100.5 turned back by 30 degrees.
+    let azimuth = 100.5 / 512.0 * 2.0 * PI64 - 30f64.to_radians();
+    let towards = DVec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos()).as_vec3();
+    let away = SurfacePoint { normal: -towards, geometric_normal: -towards, ..UP };
+    let estimates = estimate(&scene, &lighting, 1, &[away], 65_536);
+    // The floor hides 1 m^2 in 25 of what is behind.
+    assert!(estimates.irradiance[0].x < 3.2, "{estimates:?}");
+}
+
+#[test]
+fn sampling_until_an_error_is_reached_keeps_the_mean() {
+    // Twelve lamps of which one is close to the ceiling: a bright spot, drawn lights, paths that few points meet early.
+    let scene = builtin::scene("cornell").expect("built in");
+    let own = Lighting::of_scene(&scene);
+    let mut lights = vec![own.lights[0].clone(); 12];
+    for (index, light) in lights.iter_mut().enumerate() {
+        light.intensity = 0.05;
+        light.position = Vec3::new(0.15 * index as f32 - 0.8, 1.0, 0.5);
+    }
+    lights[0].position = Vec3::new(0.1, 1.98, 0.1);
+    lights[0].intensity = 1.0;
+    let lighting = Lighting { lights, ..own };
+    let caster = RayCaster::new(&scene).expect("a tree");
+    let points: Vec<SurfacePoint> =
+        (0..64).map(|i| SurfacePoint { position: Vec3::new(0.025 * i as f32 - 0.8, 0.0, 0.9), ..UP }).collect();
+    let mean = |seed: u64, budget: PathBudget| {
+        let tracer = PathTracer::new(&caster, &lighting, 2, seed);
+        let estimates = tracer.estimate(&points, budget, &Progress::silent()).expect("not cancelled");
+        estimates.irradiance.iter().map(|value| f64::from(value.y)).sum::<f64>() / points.len() as f64
+    };
+    let fixed = mean(1000, PathBudget { error: 0.0, most_paths: 32_768 });
+    let n = 24u32;
+    let adaptive: Vec<f64> =
+        (0..n).map(|seed| mean(seed.into(), PathBudget { error: 0.03, most_paths: 32_768 })).collect();
+    let average = adaptive.iter().sum::<f64>() / f64::from(n);
+    let spread = (adaptive.iter().map(|value| (value - average).powi(2)).sum::<f64>() / f64::from(n * (n - 1))).sqrt();
+    // Three standard errors of the average, and as much for the fixed one, which has more paths than any.
+    assert!((average - fixed).abs() < 6.0 * spread.max(1e-4 * fixed), "{average} +- {spread}, {fixed}");
+    assert!(spread < 0.005 * fixed, "{spread}");
+}
+
+#[test]
+fn a_lamp_flush_with_a_ceiling_shines() {
+    let scene = builtin::scene("cornell").expect("built in");
+    let own = Lighting::of_scene(&scene);
+    let at = |height: f32| {
+        let mut lighting = own.clone();
+        lighting.lights[0].position = Vec3::new(0.1, height, 0.2);
+        let floor = SurfacePoint { position: Vec3::new(0.7, 0.0, 0.8), ..UP };
+        let estimates = estimate(&scene, &lighting, 1, &[floor], 16_384);
+        (f64::from(estimates.irradiance[0].y), f64::from(estimates.standard_error[0].y))
+    };
+    let ((flush, flush_error), (below, below_error)) = (at(2.0), at(1.999));
+    // A millimetre makes a difference of a few thousandths of the light.
+    assert!((flush - below).abs() < 3.0 * flush_error.hypot(below_error) + 0.005 * below, "{flush} {below}");
+}
+
+#[test]
 fn two_seeds_agree_within_their_standard_errors() {
     let scene = builtin::scene("cornell").expect("built in");
     let lighting = Lighting::of_scene(&scene);

@@ -1,0 +1,142 @@
+//! `precompute validate` from outside: files, figures, exit codes.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_precompute"))
+        .args(arguments)
+        .stdin(Stdio::null())
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("the program starts")
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("not killed by a signal")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("UTF-8")
+}
+
+fn path(folder: &Path, name: &str) -> String {
+    folder.join(name).to_str().expect("UTF-8").to_owned()
+}
+
+/// Cornell in a second or two.
+fn bake(folder: &Path) -> String {
+    let file = path(folder, "c.lprt");
+    let options = ["--probes", "12", "--lightmap", "48", "--fill", "1", "--direct-map", "64", "--gather-rays", "64"];
+    let mut arguments = vec!["bake", "builtin:cornell", "-o", &file, "-q", "--relight-rays", "500"];
+    arguments.extend(options);
+    let output = run(&arguments);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    file
+}
+
+const QUICK: [&str; 11] =
+    ["-q", "--receivers", "100", "--paths", "512", "--width", "24", "--picture-paths", "8", "--bounces", "1"];
+
+fn validate(file: &str, folder: &str, more: &[&str]) -> Output {
+    run(&[&["validate", file, "-o", folder], &QUICK[..], more].concat())
+}
+
+#[test]
+fn a_validation_leaves_a_page_figures_and_pictures() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = bake(folder.path());
+    let lights = path(folder.path(), "spot.json");
+    let spot = r#"{"lights":[{"type":"spot","position":[0,1.8,0.5],"direction":[-1,-1,-0.5],"intensity":9}]}"#;
+    std::fs::write(&lights, spot).expect("written");
+    let quality = path(folder.path(), "quality");
+    let more = ["--lights", &lights, "--sweep", "degree=1,4", "--failure-case", "--max-nrmse", "1000"];
+    let output = validate(&file, &quality, &more);
+    assert_eq!((code(&output), stderr(&output).as_str()), (0, ""), "quiet and done");
+
+    let text = std::fs::read_to_string(path(folder.path(), "quality/metrics.json")).expect("metrics");
+    let metrics: Value = serde_json::from_str(&text).expect("JSON");
+    let keys = |value: &Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>().join(" ");
+    let documented = "receivers bounces reference methods operator_norm seams coverage";
+    assert!(keys(&metrics).starts_with(documented), "{}", keys(&metrics));
+    assert_eq!(metrics["bounces"], 1);
+    assert!(metrics["reference"]["rays"].as_u64() > Some(50_000));
+    assert!(metrics["reference"]["standard_error"].as_f64() > Some(0.0));
+    for method in ["compressed", "uncompressed", "spatial", "arikan"] {
+        let errors = &metrics["methods"][method];
+        assert!(keys(errors).starts_with("nrmse median_relative p95_relative bias flip"), "{}", keys(errors));
+        for name in ["nrmse", "median_relative", "p95_relative", "flip"] {
+            assert!(errors[name].as_f64() > Some(0.0), "{method} {name}: {errors}");
+        }
+    }
+    for name in ["mean", "p95", "max"] {
+        assert!(metrics["operator_norm"][name].as_f64() > Some(0.0), "{name}");
+    }
+    // The given lighting leads; the scene's own light and the failure case follow.
+    let names: Vec<&str> = metrics["states"]
+        .as_array()
+        .expect("states")
+        .iter()
+        .map(|state| state["name"].as_str().expect("name"))
+        .collect();
+    assert_eq!(names.len(), 3);
+    assert_eq!(names[..2], ["spot", "the scene's own light"]);
+    assert!(names[2].starts_with("failure case"), "{}", names[2]);
+    assert_eq!(metrics["sweeps"][0]["points"].as_array().expect("points").len(), 2);
+
+    let page = std::fs::read_to_string(path(folder.path(), "quality/index.html")).expect("a page");
+    assert!(page.contains("nrmse") && page.contains("Sweep of degree") && page.contains("<svg"));
+    // Every picture that the page shows is there, and every picture that is there is shown.
+    let mut shown = 0;
+    for entry in std::fs::read_dir(path(folder.path(), "quality")).expect("a folder") {
+        let name = entry.expect("an entry").file_name().into_string().expect("UTF-8");
+        if name.ends_with(".png") {
+            assert!(page.contains(&name), "{name} is not on the page");
+            shown += 1;
+        }
+    }
+    assert!(shown > 30, "{shown}");
+    for (place, _) in page.match_indices("src=\"./") {
+        let name = page[place + 7..].split('"').next().expect("a name");
+        assert!(Path::new(&path(folder.path(), "quality")).join(name).is_file(), "{name}");
+    }
+    for name in ["sweep0-error.svg", "sweep0-error.png", "sweep0-bytes.svg", "sweep0-seconds.png"] {
+        assert!(Path::new(&path(folder.path(), "quality")).join(name).is_file(), "{name}");
+    }
+}
+
+#[test]
+fn limits_and_mistakes_have_their_exit_codes() {
+    let folder = tempfile::tempdir().expect("folder");
+    let file = bake(folder.path());
+    let quality = path(folder.path(), "quality");
+    let output = validate(&file, &quality, &["--max-nrmse", "0.0001"]);
+    assert_eq!(code(&output), 7, "{}", stderr(&output));
+    assert!(stderr(&output).contains("nrmse under the scene's own light is"), "{}", stderr(&output));
+    // The page tells why, so it is there.
+    assert!(Path::new(&path(folder.path(), "quality/index.html")).is_file());
+
+    let dark = path(folder.path(), "dark.json");
+    std::fs::write(&dark, r#"{"lights":[]}"#).expect("written");
+    let output = validate(&file, &quality, &["--lights", &dark]);
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("no indirect light") && stderr(&output).contains("--lights"),
+        "{}",
+        stderr(&output)
+    );
+
+    for (sweep, part) in [("quality=1", "unknown option"), ("lightmap=64", "cannot be swept"), ("degree=99", "0 to 10")]
+    {
+        let output = validate(&file, &quality, &["--sweep", sweep]);
+        assert_eq!(code(&output), 2, "{}", stderr(&output));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    }
+    for arguments in [["--sweep", "degree"], ["--max-nrmse", "-1"], ["--bounces", "0"], ["--error", "nan"]] {
+        assert_eq!(code(&validate(&file, &quality, &arguments)), 2, "{arguments:?}");
+    }
+    assert_eq!(code(&validate(&path(folder.path(), "none.lprt"), &quality, &[])), 6);
+    assert_eq!(code(&validate(&file, "/dev/null/quality", &[])), 6);
+    assert_eq!(code(&validate(&file, &quality, &["--camera", "7"])), 2);
+}

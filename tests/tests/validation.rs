@@ -1,0 +1,175 @@
+//! The validator on scenes with known answers.
+
+use localprt_formats::sh;
+use localprt_precompute::{
+    pipeline::BakeOutput,
+    progress::Progress,
+    rays::RayCaster,
+    settings::BakeSettings,
+    validate::{
+        self, Findings, MeasureSettings, State, Subject, Sweep, path_tracer::PathBudget, report::Metrics,
+        selection::sample,
+    },
+};
+use localprt_scenes::Lighting;
+use localprt_tests::{bake, scene, small_settings};
+
+/// A few hundred receivers, tiny pictures.
+fn few() -> MeasureSettings {
+    MeasureSettings {
+        receivers: 300,
+        bounces: 1,
+        budget: PathBudget { error: 0.01, most_paths: 4096 },
+        picture_width: 16,
+        picture_paths: 8,
+        picture_receivers: 64,
+        pairs: 50,
+        ..MeasureSettings::default()
+    }
+}
+
+fn state(baked: &BakeOutput) -> State {
+    State { name: "own".into(), lighting: Lighting::of_scene(&baked.scene), counts: true }
+}
+
+/// Validates a bake under its scene's own light, with sweeps of an option.
+fn findings(baked: &BakeOutput, settings: &MeasureSettings, sweeps: &[(&str, &[&str])]) -> Findings {
+    let caster = RayCaster::new(&baked.scene).expect("a tree");
+    let progress = Progress::silent();
+    let subject = Subject::new(baked.arrays.view(), &caster, &progress).expect("the scene fits the file");
+    let sweeps: Vec<Sweep> = sweeps
+        .iter()
+        .map(|(option, values)| {
+            let values: Vec<String> = values.iter().map(|&value| value.to_owned()).collect();
+            let lightmap = baked.arrays.metadata.lightmap_size;
+            Sweep::new(option, &values, &subject.settings, lightmap).expect("valid values")
+        })
+        .collect();
+    let cameras = &baked.scene.cameras[..1];
+    validate::validate(&subject, &[state(baked)], false, &sweeps, cameras, settings, &progress).expect("findings")
+}
+
+#[test]
+fn every_method_is_right_in_a_furnace() {
+    for (receiver_degree, probe_degree) in [(0, 7), (1, 4)] {
+        let settings = BakeSettings { receiver_degree, probe_degree, ..small_settings() };
+        let found = findings(&bake(scene("furnace"), &settings), &few(), &[]);
+        let state = &found.states[0];
+        // Radiance is the same everywhere, so blending is exact, and so is the reference: every ray meets radiance 1.
+        assert!((state.mean / std::f64::consts::PI - 1.0).abs() < 1e-5, "{}", state.mean);
+        for (method, error) in validate::METHODS.iter().zip(&state.methods) {
+            // The Gram error of 2000 relight rays (2e-3), the compression threshold of 0.005 on rows of norm 1.5 and, at
+            // degree 1, 256 uniform directions: below 2 % together.
+            assert!(error.nrmse < 0.02 && error.bias.abs() < 0.01, "{method} at degree {receiver_degree}: {error:?}");
+        }
+        assert!(state.parts.unseen < 1e-3 && state.parts.input < 1e-3, "{:?}", state.parts);
+    }
+}
+
+#[test]
+fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
+    let found = findings(&bake(scene("cornell"), &small_settings()), &few(), &[]);
+    let state = &found.states[0];
+    let [compressed, uncompressed, spatial, arikan] = state.methods;
+    assert!(compressed.nrmse < 0.6 * spatial.nrmse, "{compressed:?} {spatial:?}");
+    assert!(compressed.nrmse < arikan.nrmse, "{compressed:?} {arikan:?}");
+    assert!((compressed.nrmse / uncompressed.nrmse - 1.0).abs() < 0.05, "{compressed:?} {uncompressed:?}");
+    assert!(compressed.flip < spatial.flip && compressed.flip > 0.0);
+    // Parts of one receiver add up to its error, so RMS errors obey the triangle inequality both ways.
+    let parts = state.parts;
+    let others = parts.unseen + parts.gather_rays + parts.compression + parts.input;
+    assert!(compressed.nrmse <= parts.band_limit + others + 1e-6, "{parts:?}");
+    assert!(parts.band_limit <= compressed.nrmse + others + 1e-6, "{parts:?}");
+    assert!(parts.reference_noise > 0.0 && parts.reference_noise < 0.02, "{parts:?}");
+    let worst = state.worst;
+    let shares = worst.unseen + worst.band_limit + worst.gather_rays + worst.input + worst.compression;
+    assert!((shares - 1.0).abs() < 1e-9 && worst.receivers >= 3, "{worst:?}");
+    assert_eq!(state.steps.clusters.pairs, 50);
+    assert!(found.norm_figures().rank_correlation.expect("varied") > 0.0);
+}
+
+#[test]
+fn a_sealed_room_shows_no_leak() {
+    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let found = findings(&bake(scene("two-rooms"), &settings), &few(), &[]);
+    let leak = found.states[0].leak;
+    assert!(leak.receivers > 100, "half of the receivers are in the dark: {leak:?}");
+    assert!(leak.max <= 1e-6, "{leak:?}");
+    // Steps across seams are measured where there are any.
+    assert!(found.states[0].steps.within.pairs > 0);
+}
+
+#[test]
+fn the_operator_norm_of_a_blind_receiver_is_that_of_the_cosine() {
+    // One probe, so one of the two rooms has none.
+    let settings = BakeSettings { probes: Some(1), lightmap: 64, ..small_settings() };
+    let baked = bake(scene("two-rooms"), &settings);
+    let found = findings(&baked, &few(), &[]);
+    // Norm of the clamped cosine up to degree 9: A_l^2 (2l + 1) / 4 pi for l = 0, 1, 2, 4, 6, 8, a little below that of the
+    // whole lobe, sqrt(2 pi / 3) = 1.4472.
+    let pi = std::f64::consts::PI;
+    let lobe: [(f64, f64); 6] = [
+        (0.0, pi),
+        (1.0, 2.0 * pi / 3.0),
+        (2.0, pi / 4.0),
+        (4.0, pi / 24.0),
+        (6.0, pi / 64.0),
+        (8.0, 7.0 * pi / 768.0),
+    ];
+    let cosine = lobe.iter().map(|(l, a)| a * a * (2.0 * l + 1.0) / (4.0 * pi)).sum::<f64>().sqrt();
+    assert!((1.44..1.4472).contains(&cosine), "{cosine}");
+    let mut blind = 0;
+    for (&receiver, &norm) in found.sample.iter().zip(&found.operator_norm) {
+        if baked.arrays.receiver_unseen[receiver as usize] >= 0.999 {
+            blind += 1;
+            assert!((f64::from(norm) / cosine - 1.0).abs() < 1e-3, "{norm} {cosine}");
+        }
+    }
+    assert!(blind > 50, "{blind}");
+}
+
+#[test]
+fn more_functions_lower_the_error_and_the_operator_norm() {
+    let baked = bake(scene("cornell"), &BakeSettings { probes: Some(24), ..small_settings() });
+    let found = findings(&baked, &few(), &[("degree", &["1", "7"]), ("probes", &["4", "24"])]);
+    for sweep in &found.sweeps {
+        let [first, second] = &sweep.points[..] else { panic!("two points") };
+        assert!(second.error.nrmse < first.error.nrmse, "{}: {first:?} {second:?}", sweep.option);
+        assert!(second.operator_norm < first.operator_norm, "{}: {first:?} {second:?}", sweep.option);
+        assert!(second.bytes > 0 && second.seconds > 0.0);
+    }
+    // A bake with the file's own options is the file.
+    let own = &found.sweeps[0].points[1];
+    assert_eq!(own.error.nrmse, found.states[0].methods[0].nrmse);
+}
+
+#[test]
+fn figures_do_not_depend_on_the_number_of_threads() {
+    let baked = bake(scene("cornell"), &small_settings());
+    let settings = MeasureSettings { receivers: 60, bounces: 2, ..few() };
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| {
+            let metrics = Metrics::of(&findings(&baked, &settings, &[]), &settings);
+            serde_json::to_string(&metrics).expect("JSON")
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    assert!(!one.contains("null"), "{one}");
+}
+
+#[test]
+fn a_file_of_another_scene_is_refused() {
+    let baked = bake(scene("furnace"), &small_settings());
+    let mut moved = baked.scene.clone();
+    for position in moved.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
+        *position *= 1.25;
+    }
+    let caster = RayCaster::new(&moved).expect("a tree");
+    let refused = Subject::new(baked.arrays.view(), &caster, &Progress::silent()).err().expect("another scene");
+    assert!(refused.to_string().contains("does not fit its scene"), "{refused}");
+    // All receivers are measured where there are no more than asked for.
+    assert_eq!(sample(5, 300, 1).len(), 5);
+    assert_eq!(sh::function_count(validate::operator_norm::FIELD_DEGREE), 100);
+}
