@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Bakes and relights the Cornell box and names the pictures. No GPU needed.
+# Bakes, relights and validates the Cornell box and names the pictures. No GPU needed.
 #   scripts/demo.sh [FOLDER]     default: localprt-demo
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Finds what is missing to build and test localprt, and installs it with apt where there is apt and root.
-# Baking needs nothing but Rust. Optional tools that cannot be had are named, and are no failure unless asked for:
-#   scripts/setup.sh                     Rust and a linker
-#   scripts/setup.sh --require-xatlas    a C++ compiler and libclang as well, or exit code 1
+# Baking needs nothing but these. Optional tools that cannot be had are named, and are no failure unless asked for:
+#   scripts/setup.sh                     Rust, a linker and a C++ compiler
+#   scripts/setup.sh --require-xatlas    libclang as well, or exit code 1
 # With --print-xatlas the last line on standard output is "yes" or "no": whether the feature xatlas can be built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -81,18 +81,19 @@ if ! has cc && ! install gcc libc6-dev; then
     say "a C compiler is missing (Rust links with it); install gcc or clang"
     exit 1
 fi
+if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
+    say "a C++ compiler is missing (the picture metric FLIP is C++); install g++ or clang"
+    exit 1
+fi
 
 # Needed by the feature xatlas only.
 xatlas=yes
-if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
-    xatlas=no
-fi
 if { ! has_libclang || ! has_clang_headers; } && ! install libclang-dev; then
     xatlas=no
 fi
 if [ $xatlas = no ]; then
-    say "the unwrap backend xatlas needs a C++ compiler and libclang (Debian, Ubuntu: g++ libclang-dev;" \
-        "Fedora: gcc-c++ clang-devel; macOS: brew install llvm)"
+    say "the unwrap backend xatlas needs libclang (Debian, Ubuntu: libclang-dev;" \
+        "Fedora: clang-devel; macOS: brew install llvm)"
     if $require_xatlas; then
         exit 1
     fi

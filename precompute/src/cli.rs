@@ -89,7 +89,7 @@ pub enum Command {
     Check(Check),
     /// Write a built-in scene as .glb
     Scene(Scene),
-    /// Bake and relight the Cornell box, and say where the pictures are
+    /// Bake, relight and validate the Cornell box, and say where the pictures are
     Demo(Demo),
 }
 

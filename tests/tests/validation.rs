@@ -55,8 +55,10 @@ fn every_method_is_right_in_a_furnace() {
         let settings = BakeSettings { receiver_degree, probe_degree, ..small_settings() };
         let found = findings(&bake(scene("furnace"), &settings), &few(), &[]);
         let state = &found.states[0];
-        // Radiance is the same everywhere, so blending is exact, and so is the reference: every ray meets radiance 1.
-        assert!((state.mean / std::f64::consts::PI - 1.0).abs() < 1e-5, "{}", state.mean);
+        // Radiance is the same everywhere, so blending is exact. The reference has the noise of emitter sampling: four
+        // standard errors of the mean over independent receivers.
+        let of_mean = state.parts.reference_noise / (found.sample.len() as f64).sqrt();
+        assert!((state.mean / std::f64::consts::PI - 1.0).abs() < 4.0 * of_mean, "{} +- {of_mean}", state.mean);
         for (method, error) in validate::METHODS.iter().zip(&state.methods) {
             // The Gram error of 2000 relight rays (2e-3), the compression threshold of 0.005 on rows of norm 1.5 and, at
             // degree 1, 256 uniform directions: below 2 % together.
