@@ -126,8 +126,8 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
         all.push(Quantity {
             name: "error",
             title: "Error at the measured receivers",
-            unit: "share of the mean; blue is too dark, red too bright",
-            caption: "Under the first lighting, interpolated between measured receivers.",
+            unit: "share of the mean",
+            caption: "Under the first lighting, interpolated between measured receivers: blue is too dark, red too bright.",
             ramp: Ramp::Diverging,
             values: everywhere(&errors),
             range,

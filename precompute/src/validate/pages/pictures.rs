@@ -136,7 +136,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
         values: &errors,
         background: NOTHING,
         title: "Error of the indirect irradiance",
-        unit: "share of the mean; blue is too dark, red too bright",
+        unit: "share of the mean",
         ramp: Ramp::Diverging,
         range: nice_signed_range(&errors, 99.0),
     };
@@ -157,7 +157,8 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
             images: vec![NamedImage {
                 name: "error".into(),
                 file: heat,
-                caption: "(ours − reference) / mean reference, luminance. Grain is noise of the reference.".into(),
+                caption: "(ours − reference) / mean reference, luminance: blue is too dark, red too bright. Grain is noise of the reference."
+                    .into(),
             }],
             columns: 1,
         },
