@@ -128,7 +128,7 @@ impl Job<'_> {
         for state in states.iter().filter(|state| state.state.counts) {
             let nrmse = state.methods[0].nrmse;
             // A figure that is not a number is not below any limit.
-            if !(nrmse <= allowed) {
+            if nrmse > allowed || nrmse.is_nan() {
                 let what = format!("nrmse under {} is {nrmse:.4}, allowed is {allowed:.4}", state.state.name);
                 let page = self.output.join("index.html");
                 let help = format!("{} shows where; more probes or a higher --probe-degree lower it", page.display());

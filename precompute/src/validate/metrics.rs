@@ -30,7 +30,7 @@ impl MethodError {
         assert_eq!(found.len(), reference.len(), "as many values as references");
         let mean = mean(reference);
         let n = 3.0 * found.len() as f64;
-        if !(mean > 0.0) {
+        if mean <= 0.0 || mean.is_nan() {
             return None;
         }
         let pairs = || found.iter().zip(reference).map(|(found, reference)| found.as_dvec3() - reference.as_dvec3());

@@ -114,7 +114,7 @@ pub fn measure(
     let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
     let reference = tracer.estimate(&points, settings.budget, progress)?;
     let mean = mean(&reference.irradiance);
-    if !(mean > 0.0) {
+    if mean <= 0.0 || mean.is_nan() {
         return Ok(None);
     }
     let views = views(&tracer, cameras, settings, progress)?;

@@ -34,7 +34,7 @@ pub(super) struct Lamps {
 struct Direct {
     /// Irradiance, W m^-2.
     irradiance: Vec3,
-    /// Density, per square metre, with which [`PathTracer::from_lamps`] lands on the point from this lamp.
+    /// Density, per square metre, with which [`PathTracer::gather_lamps`] lands on the point from this lamp.
     density: f32,
 }
 
@@ -131,7 +131,7 @@ fn cone_height(half_angle: f32) -> f32 {
 
 impl PathTracer<'_> {
     /// Light straight from the lamps at a point, and the shadow rays it took. With `found` the light of each lamp is
-    /// weighted against [`PathTracer::from_lamps`].
+    /// weighted against [`PathTracer::gather_lamps`].
     ///
     /// Of many lamps a few are drawn with probabilities proportional to the light they would give without shadows.
     pub(super) fn direct(&self, point: &SurfacePoint, found: FoundByCosine, random: &mut Random) -> (Vec3, u32) {
@@ -195,7 +195,7 @@ impl PathTracer<'_> {
 
     /// Irradiance at a point by way of one surface point that a lamp shines on, from that lamp, weighted against sampling
     /// by the cosine; and the rays it took.
-    pub(super) fn from_lamps(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> (Vec3, u32) {
+    pub(super) fn gather_lamps(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> (Vec3, u32) {
         let which = random.next();
         let index = self.lamps.rising.partition_point(|&end| end <= which).min(self.lamps.lights.len() - 1);
         let (start, sent) = self.lamps.ray(&self.lamps.lights[index], random.pair());

@@ -95,15 +95,15 @@ impl<'a> PathTracer<'a> {
         for gather in 1..=self.bounces {
             let origin = point.position + point.geometric_normal * self.caster.offset_m();
             if !self.emitters.is_empty() {
-                sum += weight * self.from_emitters(&point, origin, random);
+                sum += weight * self.gather_emitters(&point, origin, random);
                 rays += 1;
             }
             if self.sky.is_sampled() {
-                sum += weight * self.from_sky(&point, origin, random);
+                sum += weight * self.gather_sky(&point, origin, random);
                 rays += 1;
             }
             if self.lamps.are_sampled() {
-                let (light, traced) = self.from_lamps(&point, origin, random);
+                let (light, traced) = self.gather_lamps(&point, origin, random);
                 sum += weight * light;
                 rays += traced;
             }
@@ -159,7 +159,7 @@ impl<'a> PathTracer<'a> {
     }
 
     /// Irradiance from one point of an emissive triangle, weighted against sampling by the cosine.
-    fn from_emitters(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> Vec3 {
+    fn gather_emitters(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> Vec3 {
         let (face, target) = self.emitters.sample(random.next(), random.pair());
         let dir = (target - origin).normalize_or_zero();
         let cosine = point.normal.dot(dir);
@@ -186,7 +186,7 @@ impl<'a> PathTracer<'a> {
 
 impl PathTracer<'_> {
     /// Irradiance from one direction of the sky, weighted against sampling by the cosine.
-    fn from_sky(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> Vec3 {
+    fn gather_sky(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> Vec3 {
         let dir = self.sky.sample(random.next(), random.pair());
         let cosine = point.normal.dot(dir);
         let by_sky = self.sky.density(dir);
