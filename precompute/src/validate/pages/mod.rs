@@ -1,6 +1,6 @@
 //! Pictures and the page `index.html`: what was found, for people.
 //!
-//! [`write`] puts everything into a folder: pictures first, the page that refers to them last.
+//! [`write()`] puts everything into a folder: pictures first, the page that refers to them last.
 
 mod maps;
 mod pictures;
