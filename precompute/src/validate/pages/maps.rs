@@ -46,8 +46,8 @@ pub(super) fn section(context: &Context<'_>, metrics: &Metrics, folder: &Folder)
                 caption: quantity.caption.into(),
             });
         }
-        let size = context.subject.view.metadata.lightmap_size;
-        let picture = map(size, size, &on_atlas(context, &quantity.values));
+        let [width, height] = used(context);
+        let picture = map(width, height, &on_atlas(context, &quantity.values));
         gallery.push(NamedImage {
             name: format!("{title}, atlas"),
             file: folder.picture(&format!("{name}-atlas"), &picture)?,
@@ -163,10 +163,25 @@ fn on_view(context: &Context<'_>, view: &View, values: &[f32]) -> Vec<f32> {
     view.light.values(|light| Some(map.sample(light.uv?)?.x))
 }
 
-/// A quantity in lightmap coordinates, row 0 at v = 0.
+/// A quantity in lightmap coordinates, row 0 at v = 0, over the part of the map that is used.
 fn on_atlas(context: &Context<'_>, values: &[f32]) -> Vec<f32> {
-    let at = |&receiver: &u32| values.get(receiver as usize).copied().unwrap_or(f32::NAN);
-    context.subject.at_texel.iter().map(at).collect()
+    let at = |receiver: u32| values.get(receiver as usize).copied().unwrap_or(f32::NAN);
+    atlas_receivers(context).map(at).collect()
+}
+
+/// Receivers of the used part of the map, row by row; `u32::MAX` where there is none.
+fn atlas_receivers<'a>(context: &'a Context<'_>) -> impl Iterator<Item = u32> + 'a {
+    let size = context.subject.view.metadata.lightmap_size;
+    let [width, height] = used(context);
+    let texels = (0..height).flat_map(move |y| (0..width).map(move |x| y * size + x));
+    texels.map(|texel| context.subject.at_texel[texel as usize])
+}
+
+/// Width and height of the part of the receiver map, from its corner, that holds receivers.
+fn used(context: &Context<'_>) -> [u32; 2] {
+    let size = context.subject.view.metadata.lightmap_size;
+    let texels = context.subject.view.receiver_texel.iter();
+    texels.fold([1, 1], |[width, height], texel| [width.max(texel % size + 1), height.max(texel / size + 1)])
 }
 
 /// Clusters in colors that tell neighbors apart.
@@ -185,10 +200,10 @@ fn clusters(context: &Context<'_>, folder: &Folder) -> Result<Vec<NamedImage>, O
         let file = folder.picture(&format!("clusters-view{number}"), &picture)?;
         images.push(NamedImage { name: "Clusters".into(), file, caption: String::new() });
     }
-    let size = subject.view.metadata.lightmap_size;
+    let [width, height] = used(context);
     let colors: Vec<[u8; 3]> =
-        subject.at_texel.iter().map(|&receiver| if receiver == u32::MAX { NOTHING } else { color(receiver) }).collect();
-    let file = folder.picture("clusters-atlas", &draw_labels(size, size, &colors, "Clusters, atlas", &note))?;
+        atlas_receivers(context).map(|receiver| if receiver == u32::MAX { NOTHING } else { color(receiver) }).collect();
+    let file = folder.picture("clusters-atlas", &draw_labels(width, height, &colors, "Clusters, atlas", &note))?;
     images.push(NamedImage { name: "Clusters, atlas".into(), file, caption: String::new() });
     Ok(images)
 }
