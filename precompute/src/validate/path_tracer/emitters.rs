@@ -1,5 +1,6 @@
 //! Emissive triangles, to be sampled by area and brightness.
 
+use super::distribution::Distribution;
 use crate::rays::SurfaceHit;
 use glam::Vec3;
 use localprt_scenes::{FaceId, Scene, SurfaceShading};
@@ -10,8 +11,8 @@ const LOOKUPS: u32 = 4;
 /// All emissive triangles under one lighting state.
 pub(super) struct Emitters {
     triangles: Vec<Emitter>,
-    /// Running sums of their probabilities, ending at 1.
-    rising: Vec<f64>,
+    /// Of the triangles.
+    choice: Distribution,
     /// `[n_faces]` density of a sample on the face, m^-2; 0 for faces that are not sampled. Empty without emitters.
     density: Vec<f32>,
 }
@@ -26,29 +27,26 @@ struct Emitter {
 impl Emitters {
     /// Triangles are drawn in proportion to area times emission, its brightest band.
     pub(super) fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
-        let mut emitters = Self { triangles: Vec::new(), rising: Vec::new(), density: Vec::new() };
+        let mut emitters = Self { triangles: Vec::new(), choice: Distribution::default(), density: Vec::new() };
         if !shading.any_emission() {
             return emitters;
         }
-        let mut total = 0.0;
+        let mut weights: Vec<f64> = Vec::new();
         let mut areas: Vec<f64> = Vec::new();
         for (face, (mesh, triangle)) in scene.faces().enumerate() {
             let corners = scene.corners(mesh, triangle);
             let area = (corners[1] - corners[0]).as_dvec3().cross((corners[2] - corners[0]).as_dvec3()).length() / 2.0;
             let mean = mean_emission(shading, mesh, triangle);
             if area * mean > 0.0 {
-                total += area * mean;
                 emitters.triangles.push(Emitter { face: FaceId(face as u32), mesh, triangle, corners });
-                emitters.rising.push(total);
+                weights.push(area * mean);
                 areas.push(area);
             }
         }
         emitters.density = vec![0.0; scene.face_count()];
-        let mut before = 0.0;
-        for ((emitter, end), area) in emitters.triangles.iter().zip(&mut emitters.rising).zip(areas) {
-            *end /= total;
-            emitters.density[emitter.face.0 as usize] = ((*end - before) / area) as f32;
-            before = *end;
+        emitters.choice = Distribution::of(weights.into_iter());
+        for (index, (emitter, area)) in emitters.triangles.iter().zip(areas).enumerate() {
+            emitters.density[emitter.face.0 as usize] = (emitters.choice.probability(index) / area) as f32;
         }
         emitters
     }
@@ -65,7 +63,7 @@ impl Emitters {
 
     /// A point of an emissive triangle.
     pub(super) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
-        let index = self.rising.partition_point(|&end| end <= which).min(self.triangles.len() - 1);
+        let index = self.choice.choose(which);
         let [a, b, c] = self.triangles[index].corners;
         // Uniform over the triangle (Turk 1990).
         let root = u.sqrt();

@@ -5,7 +5,7 @@
 //! gathers. The light of each lamp is an integral of its own, found by both kinds of rays and combined by the balance
 //! heuristic.
 
-use super::{PathTracer, Random, SurfacePoint};
+use super::{PathTracer, Random, SurfacePoint, distribution::Distribution};
 use glam::Vec3;
 use localprt_scenes::{Light, LightKind, Scene};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
@@ -22,8 +22,8 @@ const LEAST_CONE: f32 = 1e-6;
 /// The lights of a state as places that light is sent from.
 pub(super) struct Lamps {
     lights: Vec<Light>,
-    /// Running sums of the lights' probabilities; empty where none is sampled.
-    rising: Vec<f64>,
+    /// Of the lights; empty where none is sampled.
+    choice: Distribution,
     /// Middle and radius of a ball around the scene, metres: where parallel light comes from.
     center: Vec3,
     radius: f32,
@@ -54,36 +54,21 @@ impl Lamps {
         let (low, high) = scene.bounds().unwrap_or_default();
         let mut lamps = Self {
             lights: lights.to_vec(),
-            rising: Vec::new(),
+            choice: Distribution::default(),
             center: (low + high) / 2.0,
             radius: (scene.extent() / 2.0).max(f32::MIN_POSITIVE),
         };
-        let mut total = 0.0;
-        for light in lights {
-            let density = lamps.ray_density(light);
-            if density > 0.0 {
-                total += f64::from((light.color * light.intensity).max_element() / density).max(0.0);
-            }
-            lamps.rising.push(total);
-        }
-        if total > 0.0 {
-            lamps.rising.iter_mut().for_each(|end| *end /= total);
-        } else {
-            lamps.rising.clear();
-        }
+        let power = |light: &Light| match lamps.ray_density(light) {
+            density if density > 0.0 => f64::from((light.color * light.intensity).max_element() / density),
+            _ => 0.0,
+        };
+        lamps.choice = Distribution::of(lights.iter().map(power));
         lamps
     }
 
     /// Whether bright spots are sampled.
     pub(super) fn are_sampled(&self) -> bool {
-        !self.rising.is_empty()
-    }
-
-    fn probability(&self, light: usize) -> f32 {
-        match self.rising.get(light) {
-            Some(end) => (end - if light > 0 { self.rising[light - 1] } else { 0.0 }) as f32,
-            None => 0.0,
-        }
+        !self.choice.is_empty()
     }
 
     /// Density of the rays that are sent from a light: per steradian, or per square metre across parallel light. 0 for a
@@ -144,25 +129,19 @@ impl PathTracer<'_> {
         if lights.len() <= MOST_LIGHTS {
             return ((0..lights.len()).map(weighted).sum(), lights.len() as u32);
         }
-        let mut total = 0.0;
-        let rising: Vec<f64> = lights
-            .iter()
-            .map(|light| {
-                total += light.incident(point.position).map_or(0.0, |incident| {
-                    let cosine = point.normal.dot(incident.dir_to_light).max(0.0);
-                    f64::from(cosine * incident.irradiance.max_element())
-                });
-                total
+        let choice = Distribution::of(lights.iter().map(|light| {
+            light.incident(point.position).map_or(0.0, |incident| {
+                let cosine = point.normal.dot(incident.dir_to_light).max(0.0);
+                f64::from(cosine * incident.irradiance.max_element())
             })
-            .collect();
-        if total <= 0.0 {
+        }));
+        if choice.is_empty() {
             return (Vec3::ZERO, 0);
         }
         let mut sum = Vec3::ZERO;
         for _ in 0..DRAWN {
-            let at = random.next() * total;
-            let chosen = rising.partition_point(|&end| end <= at).min(rising.len() - 1);
-            let share = (rising[chosen] - if chosen > 0 { rising[chosen - 1] } else { 0.0 }) / total;
+            let chosen = choice.choose(random.next());
+            let share = choice.probability(chosen);
             if share > 0.0 {
                 sum += weighted(chosen) / (share as f32 * DRAWN as f32);
             }
@@ -189,15 +168,14 @@ impl PathTracer<'_> {
         if !is_free {
             return Direct::default();
         }
-        let density = self.lamps.probability(index) * self.lamps.ray_density(light) * spread;
+        let density = self.lamps.choice.probability(index) as f32 * self.lamps.ray_density(light) * spread;
         Direct { irradiance: incident.irradiance * cosine, density }
     }
 
     /// Irradiance at a point by way of one surface point that a lamp shines on, from that lamp, weighted against sampling
     /// by the cosine; and the rays it took.
     pub(super) fn gather_lamps(&self, point: &SurfacePoint, origin: Vec3, random: &mut Random) -> (Vec3, u32) {
-        let which = random.next();
-        let index = self.lamps.rising.partition_point(|&end| end <= which).min(self.lamps.lights.len() - 1);
+        let index = self.lamps.choice.choose(random.next());
         let (start, sent) = self.lamps.ray(&self.lamps.lights[index], random.pair());
         let start = start + sent * self.caster.offset_m();
         let Some(landed) = self.caster.closest_hit(start, sent).filter(|hit| hit.point.is_some()) else {

@@ -12,6 +12,7 @@
 //! heuristic, Veach and Guibas 1995). Paths end by Russian roulette, so a large number of gathers costs little and is the
 //! converged solution.
 
+mod distribution;
 mod emitters;
 mod estimate;
 mod lamps;

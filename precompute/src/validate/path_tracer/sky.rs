@@ -1,5 +1,6 @@
 //! Sky images, to be sampled by brightness: a sun in one covers few directions.
 
+use super::distribution::Distribution;
 use glam::{DVec3, Vec3};
 use localprt_scenes::Sky;
 use std::f64::consts::{PI, TAU};
@@ -11,8 +12,8 @@ pub(super) struct SkySampler {
     height: usize,
     /// Radians about +Y by which the picture is turned.
     turn: f64,
-    /// `[height * width]` running sums of the pixels' probabilities, ending at 1.
-    rising: Vec<f64>,
+    /// Of the pixels, row by row.
+    pixels: Distribution,
 }
 
 impl SkySampler {
@@ -20,27 +21,20 @@ impl SkySampler {
     pub(super) fn of(sky: &Sky) -> Self {
         let Sky::Equirect { width, height, pixels, rotation, .. } = sky else { return Self::default() };
         let (width, height) = (*width as usize, *height as usize);
-        let mut sampler = Self { width, height, turn: f64::from(*rotation).to_radians(), rising: Vec::new() };
-        let mut total = 0.0;
-        for index in 0..pixels.len() {
+        let mut sampler = Self { width, height, turn: f64::from(*rotation).to_radians(), ..Self::default() };
+        sampler.pixels = Distribution::of((0..pixels.len()).map(|index| {
             let (column, row) = (index % width, index / width);
             // Reads between pixels blend them, so that light reaches into the cells around its own.
             let around = (row.saturating_sub(1)..(row + 2).min(height)).flat_map(|row| {
                 [width - 1, 0, 1].map(|step| pixels[row * width + (column + step) % width].max_element())
             });
-            total += f64::from(around.fold(0.0, f32::max)) * sampler.solid_angle(row);
-            sampler.rising.push(total);
-        }
-        if total > 0.0 {
-            sampler.rising.iter_mut().for_each(|end| *end /= total);
-        } else {
-            sampler.rising.clear();
-        }
+            f64::from(around.fold(0.0, f32::max)) * sampler.solid_angle(row)
+        }));
         sampler
     }
 
     pub(super) fn is_sampled(&self) -> bool {
-        !self.rising.is_empty()
+        !self.pixels.is_empty()
     }
 
     /// Steradians of a pixel.
@@ -51,7 +45,7 @@ impl SkySampler {
 
     /// A direction towards the sky, uniform within its pixel.
     pub(super) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> Vec3 {
-        let index = self.rising.partition_point(|&end| end <= which).min(self.rising.len() - 1);
+        let index = self.pixels.choose(which);
         let (column, row) = (index % self.width, index / self.width);
         let edge = |row: usize| (PI * row as f64 / self.height as f64).cos();
         let height = edge(row) + v * (edge(row + 1) - edge(row));
@@ -63,7 +57,7 @@ impl SkySampler {
 
     /// Density of [`SkySampler::sample`] in a direction, per steradian.
     pub(super) fn density(&self, dir: Vec3) -> f32 {
-        if self.rising.is_empty() {
+        if self.pixels.is_empty() {
             return 0.0;
         }
         let dir = dir.as_dvec3();
@@ -71,8 +65,6 @@ impl SkySampler {
         let polar = dir.x.hypot(dir.z).atan2(dir.y) / PI;
         let column = ((turns * self.width as f64) as usize).min(self.width - 1);
         let row = ((polar * self.height as f64) as usize).min(self.height - 1);
-        let index = row * self.width + column;
-        let before = if index > 0 { self.rising[index - 1] } else { 0.0 };
-        ((self.rising[index] - before) / self.solid_angle(row)) as f32
+        (self.pixels.probability(row * self.width + column) / self.solid_angle(row)) as f32
     }
 }
