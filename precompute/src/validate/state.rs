@@ -250,7 +250,8 @@ fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
         .collect();
     Leak {
         receivers: sealed.len(),
-        mean: sealed.iter().sum::<f64>() / sealed.len().max(1) as f64,
+        // The sum of nothing is -0.0, which reads badly.
+        mean: sealed.iter().sum::<f64>() / sealed.len().max(1) as f64 + 0.0,
         max: sealed.iter().copied().fold(0.0, f64::max),
     }
 }

@@ -33,7 +33,9 @@ impl Steps {
     pub fn of(pairs: &Pairs, compressed: impl Fn(u32) -> f64, uncompressed: impl Fn(u32) -> f64, mean: f64) -> Self {
         let step = |pairs: &[[u32; 2]]| {
             let n = pairs.len().max(1) as f64;
-            let root = |square: &dyn Fn(&[u32; 2]) -> f64| (pairs.iter().map(square).sum::<f64>() / n).sqrt() / mean;
+            // The sum of nothing is -0.0, which reads badly.
+            let root =
+                |square: &dyn Fn(&[u32; 2]) -> f64| (pairs.iter().map(square).sum::<f64>() / n).sqrt() / mean + 0.0;
             let of = |value: &dyn Fn(u32) -> f64, pair: &[u32; 2]| value(pair[1]) - value(pair[0]);
             Step {
                 pairs: pairs.len(),
