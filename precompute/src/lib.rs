@@ -2,7 +2,8 @@
 //!
 //! In: a `Scene` (world space, metres) and [`settings::BakeSettings`]. Out: the arrays of a `.lprt` file, the scene with its
 //! lightmap coordinates, and a [`report::BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
-//! [`relight`] prepares a lighting state for the CPU relighter, and the `precompute` command is a thin face over both.
+//! [`relight`] prepares a lighting state for the CPU relighter, [`validate`] holds a baked file against path tracing, and
+//! the `precompute` command is a thin face over all of them.
 //!
 //! ```no_run
 //! use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};

@@ -73,8 +73,10 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
     let found = findings(&bake(scene("cornell"), &small_settings()), &few(), &[]);
     let state = &found.states[0];
     let [compressed, uncompressed, spatial, arikan] = state.methods;
+    // An order, with room for a bake of 16 probes and 300 receivers: full bakes are asked for 0.45.
     assert!(compressed.nrmse < 0.6 * spatial.nrmse, "{compressed:?} {spatial:?}");
     assert!(compressed.nrmse < arikan.nrmse, "{compressed:?} {arikan:?}");
+    // Compression may change a row by 0.005 RMS, a few thousandths of its norm, and errors here are a few percent.
     assert!((compressed.nrmse / uncompressed.nrmse - 1.0).abs() < 0.05, "{compressed:?} {uncompressed:?}");
     assert!(compressed.flip < spatial.flip && compressed.flip > 0.0);
     // Parts of one receiver add up to its error, so RMS errors obey the triangle inequality both ways.

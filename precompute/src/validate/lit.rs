@@ -10,7 +10,6 @@ use crate::{
     relight::{SkyInputs, sky_inputs, surface_texels},
 };
 use glam::{Vec2, Vec3};
-use localprt_formats::BakedView;
 use localprt_runtime::passes::probe_relight::probe_relight;
 use localprt_runtime::{CoverageMap, CpuRelighter, RelightError, RelightInputs, Relit};
 use localprt_scenes::Lighting;
@@ -42,17 +41,7 @@ impl Lit {
 /// # Errors
 /// [`BakeError::Scene`] if the arrays contradict each other, [`BakeError::Cancelled`].
 pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress: &Progress) -> Result<Lit, BakeError> {
-    light_view(subject, subject.view, lighting, bounces, progress)
-}
-
-/// The same for another file over the same scene and layout, such as a bake with other options.
-pub(super) fn light_view(
-    subject: &Subject<'_>,
-    view: BakedView<'_>,
-    lighting: &Lighting,
-    bounces: u32,
-    progress: &Progress,
-) -> Result<Lit, BakeError> {
+    let view = subject.view;
     let stage = progress.stage("relight", bounces.into());
     let surface = surface_texels(subject.caster, &subject.atlas, lighting, &view);
     let sky = sky_inputs(&lighting.sky, &view);
