@@ -48,9 +48,9 @@ fn main() -> Result<(), RelightError> {
     time("direct_lightmap", || direct_lightmap(&surface, Some(&map), 0.95, &mut light_map[0]));
     time("lightmap_mips", || lightmap_mips(&mut light_map));
     time("probe_relight", || probe_relight(&baked, &light_map, &[], &mut probe_radiance));
-    time("cluster_projection", || cluster_projection(&baked, &probe_radiance, &[], &mut cluster_lights));
+    time("cluster_projection", || cluster_projection(baked.transport(), &probe_radiance, &[], &mut cluster_lights));
     time("receiver_reconstruction", || {
-        receiver_reconstruction(&baked, &cluster_lights, &mut coefficients);
+        receiver_reconstruction(baked.transport(), &cluster_lights, &mut coefficients);
         receiver_irradiance(&baked, &coefficients, &mut irradiance);
     });
     time("gutter_dilation", || gutter_dilation(&baked, &irradiance, &mut map));

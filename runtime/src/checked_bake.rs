@@ -1,6 +1,7 @@
 //! A baked file whose counts, ranges and indices have been checked once, so that the passes can trust them.
 
 use crate::error::RelightError;
+use half::f16;
 use localprt_formats::sh::{self, MAX_DEGREE};
 use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL};
 use rayon::prelude::*;
@@ -15,9 +16,7 @@ pub const MAX_RECEIVER_DEGREE: u32 = 1;
 #[derive(Clone, Debug)]
 pub struct CheckedBake<'a> {
     view: BakedView<'a>,
-    n_sh: usize,
-    n_k: usize,
-    n_cluster_lights: usize,
+    transport: Transport<'a>,
     /// `[n_receivers]` for degree 1, else empty.
     cosine_weights: Vec<[f32; 4]>,
 }
@@ -41,11 +40,10 @@ impl<'a> CheckedBake<'a> {
                 format!("{name} is {size}, must lie in 1..={MAX_MAP_SIZE}")
             })?;
         }
-        let mut checked =
-            Self { view, n_sh: meta.n_sh(), n_k: meta.n_k(), n_cluster_lights: 0, cosine_weights: Vec::new() };
-        checked.check_rays()?;
-        checked.check_receivers()?;
-        checked.n_cluster_lights = checked.check_clusters()?;
+        check_rays(&view)?;
+        check_receivers(&view)?;
+        let transport = Transport::new(&view)?;
+        let mut checked = Self { view, transport, cosine_weights: Vec::new() };
         if meta.receiver_degree == 1 {
             checked.cosine_weights =
                 view.receiver_normal.par_iter().map(|&normal| sh::irradiance_weights_degree_1(normal)).collect();
@@ -60,12 +58,12 @@ impl<'a> CheckedBake<'a> {
 
     /// SH functions per probe.
     pub fn n_sh(&self) -> usize {
-        self.n_sh
+        self.transport.n_sh
     }
 
     /// Outputs per receiver: 1 for irradiance, 4 for SH radiance of degree 1.
     pub fn n_k(&self) -> usize {
-        self.n_k
+        self.transport.n_k
     }
 
     /// Number of probes.
@@ -85,77 +83,119 @@ impl<'a> CheckedBake<'a> {
 
     /// Cluster lights of all clusters.
     pub fn n_cluster_lights(&self) -> usize {
-        self.n_cluster_lights
+        self.transport.n_cluster_lights
+    }
+
+    /// Transport from probes and sky to the receivers of the lightmap.
+    pub fn transport(&self) -> &Transport<'a> {
+        &self.transport
+    }
+
+    pub(crate) fn cosine_weights(&self) -> &[[f32; 4]] {
+        &self.cosine_weights
+    }
+}
+
+fn check_rays(view: &BakedView<'_>) -> Result<(), RelightError> {
+    let (n_rays, n_probes) = (view.metadata.n_rays as usize, view.probes.len());
+    check_len("ray_dirs", view.ray_dirs.len(), Some(n_rays))?;
+    check_len("ray_sh", view.ray_sh.len(), n_rays.checked_mul(view.metadata.n_sh()))?;
+    check_len("ray_uv", view.ray_uv.len(), n_probes.checked_mul(n_rays))?;
+    check_len("ray_level", view.ray_level.len(), n_probes.checked_mul(n_rays))?;
+    let is_unknown = |level: &u8| (MAX_LEVEL + 1..LEVEL_SKY).contains(level);
+    match view.ray_level.par_iter().position_first(is_unknown) {
+        None => Ok(()),
+        Some(ray) => fail("ray_level", format!("entry {ray} is {}, levels end at {MAX_LEVEL}", view.ray_level[ray])),
+    }
+}
+
+fn check_receivers(view: &BakedView<'_>) -> Result<(), RelightError> {
+    let n_receivers = view.receiver_texel.len();
+    check_len("receiver_normal", view.receiver_normal.len(), Some(n_receivers))?;
+    let n_texels = u64::from(view.metadata.lightmap_size).pow(2);
+    let texels = view.receiver_texel.iter().chain(view.gutters.iter().map(|[texel, _]| texel));
+    if let Some(texel) = texels.copied().find(|&texel| u64::from(texel) >= n_texels) {
+        return fail("receiver_texel and gutters", format!("texel {texel} lies outside of {n_texels} texels"));
+    }
+    match view.gutters.iter().find(|[_, receiver]| *receiver as usize >= n_receivers) {
+        None => Ok(()),
+        Some([_, receiver]) => fail("gutters", format!("receiver {receiver} does not exist, there are {n_receivers}")),
+    }
+}
+
+/// Compressed transport from probes and sky to one set of receivers; ranges and indices checked.
+#[derive(Clone, Copy, Debug)]
+pub struct Transport<'a> {
+    /// `[n_clusters]`.
+    pub clusters: &'a [ClusterRecord],
+    /// Supporting probes of all clusters, cluster by cluster.
+    pub cluster_probes: &'a [u32],
+    /// `S V^T` of all clusters.
+    pub projection: &'a [f16],
+    /// `U` of all clusters.
+    pub reconstruction: &'a [f16],
+    /// Number of probes.
+    pub n_probes: usize,
+    /// SH functions per probe.
+    pub n_sh: usize,
+    /// SH functions of the sky.
+    pub n_sky: usize,
+    /// Outputs per receiver.
+    pub n_k: usize,
+    /// Number of receivers.
+    pub n_receivers: usize,
+    /// Cluster lights of all clusters.
+    pub n_cluster_lights: usize,
+}
+
+impl<'a> Transport<'a> {
+    fn new(view: &BakedView<'a>) -> Result<Self, RelightError> {
+        let mut transport = Self {
+            clusters: view.clusters,
+            cluster_probes: view.cluster_probes,
+            projection: view.projection,
+            reconstruction: view.reconstruction,
+            n_probes: view.probes.len(),
+            n_sh: view.metadata.n_sh(),
+            n_sky: view.metadata.n_sky(),
+            n_k: view.metadata.n_k(),
+            n_receivers: view.receiver_texel.len(),
+            n_cluster_lights: 0,
+        };
+        transport.n_cluster_lights = transport.check()?;
+        Ok(transport)
     }
 
     /// Receivers of a cluster.
     pub fn receiver_range(&self, cluster: usize) -> Range<usize> {
-        let record = &self.view.clusters[cluster];
+        let record = &self.clusters[cluster];
         range(record.first_receiver, record.n_receivers as usize)
     }
 
     /// Lights of a cluster among all cluster lights.
     pub fn light_range(&self, cluster: usize) -> Range<usize> {
-        let record = &self.view.clusters[cluster];
+        let record = &self.clusters[cluster];
         range(record.first_light, record.n_coefficients as usize)
     }
 
     /// Values of a cluster's `S V^T` in `projection`, without padding.
     pub fn projection_range(&self, cluster: usize) -> Range<usize> {
-        let record = &self.view.clusters[cluster];
+        let record = &self.clusters[cluster];
         let start = 2 * record.projection_pair as usize;
         start..start + projection_len(record, self.n_sh) as usize
     }
 
     /// Values of a cluster's `U` in `reconstruction`, without padding.
     pub fn reconstruction_range(&self, cluster: usize) -> Range<usize> {
-        let record = &self.view.clusters[cluster];
+        let record = &self.clusters[cluster];
         let start = 2 * record.reconstruction_pair as usize;
         start..start + reconstruction_len(record, self.n_k) as usize
     }
 
-    pub(crate) fn cosine_weights(&self) -> &[[f32; 4]] {
-        &self.cosine_weights
-    }
-
-    fn check_rays(&self) -> Result<(), RelightError> {
-        let view = &self.view;
-        let (n_rays, n_probes) = (view.metadata.n_rays as usize, view.probes.len());
-        check_len("ray_dirs", view.ray_dirs.len(), Some(n_rays))?;
-        check_len("ray_sh", view.ray_sh.len(), n_rays.checked_mul(self.n_sh))?;
-        check_len("ray_uv", view.ray_uv.len(), n_probes.checked_mul(n_rays))?;
-        check_len("ray_level", view.ray_level.len(), n_probes.checked_mul(n_rays))?;
-        let is_unknown = |level: &u8| (MAX_LEVEL + 1..LEVEL_SKY).contains(level);
-        match view.ray_level.par_iter().position_first(is_unknown) {
-            None => Ok(()),
-            Some(ray) => {
-                fail("ray_level", format!("entry {ray} is {}, levels end at {MAX_LEVEL}", view.ray_level[ray]))
-            }
-        }
-    }
-
-    fn check_receivers(&self) -> Result<(), RelightError> {
-        let view = &self.view;
-        let n_receivers = view.receiver_texel.len();
-        check_len("receiver_normal", view.receiver_normal.len(), Some(n_receivers))?;
-        let n_texels = u64::from(view.metadata.lightmap_size).pow(2);
-        let texels = view.receiver_texel.iter().chain(view.gutters.iter().map(|[texel, _]| texel));
-        if let Some(texel) = texels.copied().find(|&texel| u64::from(texel) >= n_texels) {
-            return fail("receiver_texel and gutters", format!("texel {texel} lies outside of {n_texels} texels"));
-        }
-        match view.gutters.iter().find(|[_, receiver]| *receiver as usize >= n_receivers) {
-            None => Ok(()),
-            Some([_, receiver]) => {
-                fail("gutters", format!("receiver {receiver} does not exist, there are {n_receivers}"))
-            }
-        }
-    }
-
     /// Returns the number of cluster lights.
-    fn check_clusters(&self) -> Result<usize, RelightError> {
-        let view = &self.view;
+    fn check(&self) -> Result<usize, RelightError> {
         let (mut n_lights, mut receiver_end) = (0u64, 0u64);
-        for (cluster, record) in view.clusters.iter().enumerate() {
+        for (cluster, record) in self.clusters.iter().enumerate() {
             let place = format!("cluster {cluster}");
             let receivers = (u64::from(record.first_receiver), u64::from(record.n_receivers));
             ensure(receivers.1 > 0, &place, || "has no receiver".into())?;
@@ -163,26 +203,25 @@ impl<'a> CheckedBake<'a> {
                 format!("starts at receiver {}, the cluster before ends at {receiver_end}", receivers.0)
             })?;
             receiver_end = receivers.0 + receivers.1;
-            check_end(&place, "receivers", receiver_end, view.receiver_texel.len())?;
+            check_end(&place, "receivers", receiver_end, self.n_receivers)?;
             let probe_end = u64::from(record.first_probe) + u64::from(record.n_probes);
-            check_end(&place, "probe list", probe_end, view.cluster_probes.len())?;
-            let sky_is_known = record.n_sky == 0 || record.n_sky as usize == view.metadata.n_sky();
+            check_end(&place, "probe list", probe_end, self.cluster_probes.len())?;
+            let sky_is_known = record.n_sky == 0 || record.n_sky as usize == self.n_sky;
             ensure(sky_is_known, &place, || {
-                format!("has {} sky columns, allowed are 0 and {}", record.n_sky, view.metadata.n_sky())
+                format!("has {} sky columns, allowed are 0 and {}", record.n_sky, self.n_sky)
             })?;
             ensure(u64::from(record.first_light) == n_lights, &place, || {
                 format!("first light is {}, the clusters before have {n_lights}", record.first_light)
             })?;
             n_lights += u64::from(record.n_coefficients);
             let projection_end = 2 * u64::from(record.projection_pair) + projection_len(record, self.n_sh);
-            check_end(&place, "projection", projection_end, view.projection.len())?;
+            check_end(&place, "projection", projection_end, self.projection.len())?;
             let reconstruction_end = 2 * u64::from(record.reconstruction_pair) + reconstruction_len(record, self.n_k);
-            check_end(&place, "reconstruction", reconstruction_end, view.reconstruction.len())?;
+            check_end(&place, "reconstruction", reconstruction_end, self.reconstruction.len())?;
         }
-        let n_probes = view.probes.len();
-        match view.cluster_probes.iter().find(|&&probe| probe as usize >= n_probes) {
+        match self.cluster_probes.iter().find(|&&probe| probe as usize >= self.n_probes) {
             None => Ok(n_lights as usize),
-            Some(probe) => fail("cluster_probes", format!("probe {probe} does not exist, there are {n_probes}")),
+            Some(probe) => fail("cluster_probes", format!("probe {probe} does not exist, there are {}", self.n_probes)),
         }
     }
 }

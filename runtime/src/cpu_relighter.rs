@@ -195,8 +195,8 @@ impl<'a> CpuRelighter<'a> {
         lightmap_mips(&mut self.light_map);
         let sky_rays = if inputs.sky_in_probes { inputs.sky_rays } else { &[] };
         probe_relight(baked, &self.light_map, sky_rays, &mut self.probe_radiance);
-        cluster_projection(baked, &self.probe_radiance, inputs.sky_sh, &mut self.cluster_lights);
-        receiver_reconstruction(baked, &self.cluster_lights, &mut self.relit.coefficients);
+        cluster_projection(baked.transport(), &self.probe_radiance, inputs.sky_sh, &mut self.cluster_lights);
+        receiver_reconstruction(baked.transport(), &self.cluster_lights, &mut self.relit.coefficients);
         receiver_irradiance(baked, &self.relit.coefficients, &mut self.relit.irradiance);
         self.write_irradiance_map();
         self.gathers += 1;

@@ -1,6 +1,6 @@
 //! CPU twin of the cluster projection.
 
-use crate::checked_bake::CheckedBake;
+use crate::checked_bake::Transport;
 use crate::passes::split_ranges;
 use glam::Vec3;
 use half::slice::HalfFloatSliceExt;
@@ -18,23 +18,23 @@ const LANES: usize = 8;
 /// # Panics
 /// If the arrays do not have the lengths of the file.
 pub fn cluster_projection(
-    baked: &CheckedBake<'_>,
+    transport: &Transport<'_>,
     probe_radiance: &[Vec3],
     sky_sh: &[Vec3],
     cluster_lights: &mut [Vec3],
 ) {
-    let view = baked.view();
-    let n_sh = baked.n_sh();
-    assert_eq!(probe_radiance.len(), baked.n_probes() * n_sh);
-    assert!(sky_sh.is_empty() || sky_sh.len() == view.metadata.n_sky());
-    assert_eq!(cluster_lights.len(), baked.n_cluster_lights());
-    let lights = split_ranges(cluster_lights, (0..view.clusters.len()).map(|cluster| baked.light_range(cluster)));
+    let n_sh = transport.n_sh;
+    assert_eq!(probe_radiance.len(), transport.n_probes * n_sh);
+    assert!(sky_sh.is_empty() || sky_sh.len() == transport.n_sky);
+    assert_eq!(cluster_lights.len(), transport.n_cluster_lights);
+    let lights =
+        split_ranges(cluster_lights, (0..transport.clusters.len()).map(|cluster| transport.light_range(cluster)));
     lights.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (cluster, lights)| {
-        let record = &view.clusters[cluster];
+        let record = &transport.clusters[cluster];
         // A cluster without columns has no rows to write its lights.
         lights.fill(Vec3::ZERO);
         scratch.input.iter_mut().for_each(Vec::clear);
-        let probes = &view.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
+        let probes = &transport.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
         for &probe in probes {
             scratch.push(&probe_radiance[probe as usize * n_sh..][..n_sh]);
         }
@@ -45,7 +45,7 @@ pub fn cluster_projection(
         let n_columns = probes.len() * n_sh + record.n_sky as usize;
         let n_used = scratch.input[0].len();
         scratch.row.resize(n_used, 0.0);
-        let rows = &view.projection[baked.projection_range(cluster)];
+        let rows = &transport.projection[transport.projection_range(cluster)];
         for (light, row) in lights.iter_mut().zip(rows.chunks_exact(n_columns.max(1))) {
             row[..n_used].convert_to_f32_slice(&mut scratch.row);
             *light = dot(&scratch.row, &scratch.input);
@@ -92,6 +92,7 @@ fn dot(row: &[f32], input: &[Vec<f32>; 3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checked_bake::CheckedBake;
     use crate::test_bake;
     use half::f16;
     use localprt_formats::BakedArrays;
@@ -99,7 +100,7 @@ mod tests {
     fn project(arrays: &BakedArrays, probe_radiance: &[Vec3], sky_sh: &[Vec3]) -> Vec<Vec3> {
         let baked = CheckedBake::new(arrays.view()).unwrap();
         let mut lights = vec![Vec3::NAN; baked.n_cluster_lights()];
-        cluster_projection(&baked, probe_radiance, sky_sh, &mut lights);
+        cluster_projection(baked.transport(), probe_radiance, sky_sh, &mut lights);
         lights
     }
 

@@ -1,6 +1,6 @@
 //! CPU twin of the receiver reconstruction.
 
-use crate::checked_bake::CheckedBake;
+use crate::checked_bake::{CheckedBake, Transport};
 use crate::passes::split_ranges;
 use glam::Vec3;
 use half::slice::HalfFloatSliceExt;
@@ -13,20 +13,19 @@ use rayon::prelude::*;
 ///
 /// # Panics
 /// If the arrays do not have the lengths of the file.
-pub fn receiver_reconstruction(baked: &CheckedBake<'_>, cluster_lights: &[Vec3], coefficients: &mut [Vec3]) {
-    let view = baked.view();
-    let n_k = baked.n_k();
-    assert_eq!(cluster_lights.len(), baked.n_cluster_lights());
-    assert_eq!(coefficients.len(), baked.n_receivers() * n_k);
+pub fn receiver_reconstruction(transport: &Transport<'_>, cluster_lights: &[Vec3], coefficients: &mut [Vec3]) {
+    let n_k = transport.n_k;
+    assert_eq!(cluster_lights.len(), transport.n_cluster_lights);
+    assert_eq!(coefficients.len(), transport.n_receivers * n_k);
     coefficients.fill(Vec3::ZERO);
-    let ranges = (0..view.clusters.len()).map(|cluster| {
-        let receivers = baked.receiver_range(cluster);
+    let ranges = (0..transport.clusters.len()).map(|cluster| {
+        let receivers = transport.receiver_range(cluster);
         receivers.start * n_k..receivers.end * n_k
     });
     let outputs = split_ranges(coefficients, ranges);
     outputs.into_par_iter().enumerate().for_each_init(Vec::new, |decoded, (cluster, outputs)| {
-        let lights = &cluster_lights[baked.light_range(cluster)];
-        let rows = &view.reconstruction[baked.reconstruction_range(cluster)];
+        let lights = &cluster_lights[transport.light_range(cluster)];
+        let rows = &transport.reconstruction[transport.reconstruction_range(cluster)];
         decoded.resize(rows.len(), 0.0);
         rows.convert_to_f32_slice(decoded);
         for (output, row) in outputs.iter_mut().zip(decoded.chunks_exact(lights.len().max(1))) {
@@ -69,7 +68,7 @@ mod tests {
         let baked = CheckedBake::new(arrays.view()).unwrap();
         let mut coefficients = vec![Vec3::NAN; baked.n_receivers() * baked.n_k()];
         let mut irradiance = vec![Vec3::NAN; baked.n_receivers()];
-        receiver_reconstruction(&baked, lights, &mut coefficients);
+        receiver_reconstruction(baked.transport(), lights, &mut coefficients);
         receiver_irradiance(&baked, &coefficients, &mut irradiance);
         (coefficients, irradiance)
     }
