@@ -47,7 +47,7 @@ fn main() -> Result<(), RelightError> {
     });
     time("direct_lightmap", || direct_lightmap(&surface, Some(&map), 0.95, &mut light_map[0]));
     time("lightmap_mips", || lightmap_mips(&mut light_map));
-    time("probe_relight", || probe_relight(&baked, &light_map, &[], &mut probe_radiance));
+    time("probe_relight", || probe_relight(&baked, &light_map, &[], &[], &mut probe_radiance));
     time("cluster_projection", || cluster_projection(baked.transport(), &probe_radiance, &[], &mut cluster_lights));
     time("receiver_reconstruction", || {
         receiver_reconstruction(baked.transport(), &cluster_lights, &mut coefficients);

@@ -86,6 +86,11 @@ impl<'a> CheckedBake<'a> {
         self.transport.n_cluster_lights
     }
 
+    /// `[n_probes, n_rays]` metres that relight rays go; empty if the file does not say.
+    pub fn ray_distance(&self) -> &'a [f16] {
+        &[]
+    }
+
     /// Transport from probes and sky to the receivers of the lightmap.
     pub fn transport(&self) -> &Transport<'a> {
         &self.transport

@@ -56,4 +56,29 @@ pub enum RelightError {
         /// The given cap.
         found: f32,
     },
+    /// Dynamic occluders cannot be used as given.
+    #[error("dynamic occluders: {problem}")]
+    Occluders {
+        /// What is wrong.
+        problem: String,
+    },
+    /// The GPU cannot hold what the file needs.
+    #[error(
+        "this GPU device is too small for the file: {what} needs {needed}, the device allows {allowed}; ask for higher \
+         limits when the device is requested, or bake with fewer probes or a smaller map"
+    )]
+    Limit {
+        /// What is too large.
+        what: &'static str,
+        /// Needed.
+        needed: u64,
+        /// Allowed.
+        allowed: u64,
+    },
+    /// The GPU device was lost.
+    #[error("the GPU device does not answer: {reason}")]
+    Device {
+        /// As the driver tells it.
+        reason: String,
+    },
 }

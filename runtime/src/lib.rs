@@ -4,13 +4,29 @@ pub mod checked_bake;
 pub mod coverage_map;
 pub mod cpu_relighter;
 pub mod error;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+mod occluder;
 pub mod passes;
+#[cfg(feature = "gpu")]
+mod relighter;
+#[cfg(feature = "gpu")]
+mod shaders;
+#[cfg(feature = "gpu")]
+mod transport_pages;
 
 #[cfg(test)]
 mod test_bake;
+#[cfg(all(test, feature = "gpu"))]
+mod test_gpu;
 
 pub use checked_bake::CheckedBake;
 pub use coverage_map::CoverageMap;
 pub use cpu_relighter::{CpuRelighter, DEFAULT_FEEDBACK_ALBEDO_CAP, RelightInputs, Relit};
 pub use error::RelightError;
+#[cfg(feature = "gpu")]
+pub use gpu::PassTime;
+pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 pub use passes::direct_lightmap::SurfaceTexels;
+#[cfg(feature = "gpu")]
+pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};

@@ -2,6 +2,10 @@
 //!
 //! In: irradiance `[n_receivers]`. Out: the receiver map, coverage 1 where a receiver or a gutter texel is.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod reference;
 
+#[cfg(feature = "gpu")]
+pub(crate) use gpu::{GutterDilationPass, ReceiverMaps};
 pub use reference::gutter_dilation;

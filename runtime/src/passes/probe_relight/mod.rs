@@ -2,6 +2,10 @@
 //!
 //! In: the light map's levels and the sky along the ray directions. Out: probe radiance lambda `[n_probes, n_sh]`, RGB.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod reference;
 
+#[cfg(feature = "gpu")]
+pub(crate) use gpu::ProbeRelightPass;
 pub use reference::probe_relight;

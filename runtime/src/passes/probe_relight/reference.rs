@@ -2,7 +2,9 @@
 
 use crate::checked_bake::CheckedBake;
 use crate::coverage_map::CoverageMap;
+use crate::occluder::Occluder;
 use glam::{Vec2, Vec3};
+use half::f16;
 use localprt_formats::sh::MAX_FUNCTIONS;
 use localprt_formats::{LEVEL_BLACK, LEVEL_SKY};
 use rayon::prelude::*;
@@ -17,14 +19,18 @@ const LANES: usize = 8;
 ///
 /// A ray with level l reads level l of `light_map` bilinearly at its uv: texel centres at `(i + 0.5) / size_l`, clamped
 /// at the border, taps weighted by coverage. It is black if none of its taps is covered; a level beyond the last reads
-/// the last. Rays that leave the scene read `sky_rays[ray]`, W sr^-1 m^-2, or are black if `sky_rays` is empty; rays that hit something without light are black.
+/// the last. Rays that leave the scene read `sky_rays[ray]`, W sr^-1 m^-2, or are black if `sky_rays` is empty; rays that
+/// hit something without light are black. A ray that meets an occluder before what it was baked to hit has the radiance
+/// of the nearest one.
 ///
 /// # Panics
-/// If `light_map` has no level, or `sky_rays` (unless empty) or `probe_radiance` do not have the lengths of the file.
+/// If `light_map` has no level, or `sky_rays` (unless empty) or `probe_radiance` do not have the lengths of the file, or if there are
+/// occluders and the file has no ray distances.
 pub fn probe_relight(
     baked: &CheckedBake<'_>,
     light_map: &[CoverageMap],
     sky_rays: &[Vec3],
+    occluders: &[Occluder],
     probe_radiance: &mut [Vec3],
 ) {
     assert!(!light_map.is_empty(), "light map without level");
@@ -34,17 +40,18 @@ pub fn probe_relight(
     probe_radiance.par_chunks_mut(n_sh).enumerate().for_each(|(probe, lambda)| {
         let uvs = &view.ray_uv[probe * n_rays..][..n_rays];
         let levels = &view.ray_level[probe * n_rays..][..n_rays];
+        let blockers = Blockers::new(baked, probe, occluders);
         let mut sums = [[0.0; 3]; MAX_FUNCTIONS];
         for begin in (0..n_rays).step_by(BLOCK) {
             let rays = begin..n_rays.min(begin + BLOCK);
             let mut radiance = [[0.0; 3]; BLOCK];
             for (radiance, ray) in radiance.iter_mut().zip(rays.clone()) {
-                *radiance = match levels[ray] {
+                let seen = || match levels[ray] {
                     LEVEL_BLACK => Vec3::ZERO,
                     LEVEL_SKY => sky_rays.get(ray).copied().unwrap_or(Vec3::ZERO),
                     level => read_light_map(light_map, level, uvs[ray]),
-                }
-                .to_array();
+                };
+                *radiance = blockers.radiance(ray).unwrap_or_else(seen).to_array();
             }
             let table = &view.ray_sh[rays.start * n_sh..rays.end * n_sh];
             add_products(table, n_sh, &radiance[..rays.len()], &mut sums);
@@ -53,6 +60,49 @@ pub fn probe_relight(
             *lambda = Vec3::from_array(sum.map(|channel| channel as f32));
         }
     });
+}
+
+/// Occluders that a probe may see, and how far its rays go.
+struct Blockers<'a> {
+    near: Vec<&'a Occluder>,
+    origin: Vec3,
+    dirs: &'a [[f32; 4]],
+    distances: &'a [f16],
+}
+
+impl<'a> Blockers<'a> {
+    /// Leaves out what begins beyond the farthest hit of the probe.
+    fn new(baked: &CheckedBake<'a>, probe: usize, occluders: &'a [Occluder]) -> Self {
+        let view = baked.view();
+        let origin = Vec3::from_array(view.probes[probe].position);
+        if occluders.is_empty() {
+            return Self { near: Vec::new(), origin, dirs: view.ray_dirs, distances: &[] };
+        }
+        let distances = &baked.ray_distance()[probe * baked.n_rays()..][..baked.n_rays()];
+        let farthest = distances.iter().fold(0.0f32, |far, distance| far.max(distance.to_f32()));
+        let may_be_seen = |occluder: &&Occluder| {
+            let (center, radius) = occluder.bounding_sphere();
+            origin.distance(center) - radius < farthest
+        };
+        Self { near: occluders.iter().filter(may_be_seen).collect(), origin, dirs: view.ray_dirs, distances }
+    }
+
+    /// Of the nearest occluder in front of what the ray was baked to hit.
+    fn radiance(&self, ray: usize) -> Option<Vec3> {
+        if self.near.is_empty() {
+            return None;
+        }
+        let [x, y, z, _] = self.dirs[ray];
+        let mut nearest = self.distances[ray].to_f32();
+        let mut radiance = None;
+        for occluder in &self.near {
+            if let Some(distance) = occluder.hit(self.origin, Vec3::new(x, y, z)).filter(|&hit| hit < nearest) {
+                nearest = distance;
+                radiance = Some(occluder.radiance);
+            }
+        }
+        radiance
+    }
 }
 
 fn read_light_map(light_map: &[CoverageMap], level: u8, packed_uv: u32) -> Vec3 {

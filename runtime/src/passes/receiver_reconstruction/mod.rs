@@ -2,6 +2,10 @@
 //!
 //! In: cluster lights `[sum of n_coefficients]`. Out: `[n_receivers, n_k]` coefficients and `[n_receivers]` irradiance, RGB.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod reference;
 
+#[cfg(feature = "gpu")]
+pub(crate) use gpu::ReceiverReconstructionPass;
 pub use reference::{receiver_irradiance, receiver_reconstruction};

@@ -21,7 +21,7 @@ fn levels(size: u32, color: impl Fn(usize) -> Option<Vec3>) -> Vec<CoverageMap> 
 fn relight(arrays: &BakedArrays, light_map: &[CoverageMap], sky_rays: &[Vec3]) -> Vec<Vec3> {
     let baked = CheckedBake::new(arrays.view()).unwrap();
     let mut probe_radiance = vec![Vec3::NAN; baked.n_probes() * baked.n_sh()];
-    probe_relight(&baked, light_map, sky_rays, &mut probe_radiance);
+    probe_relight(&baked, light_map, sky_rays, &[], &mut probe_radiance);
     probe_radiance
 }
 

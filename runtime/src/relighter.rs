@@ -1,0 +1,462 @@
+//! The GPU passes in sequence: the only file that knows their order on the GPU.
+
+use crate::checked_bake::CheckedBake;
+use crate::error::RelightError;
+use crate::gpu::{PassTime, Timestamps, readback};
+use crate::occluder::{Occluder, check_occluders};
+use crate::passes::cluster_projection::ClusterProjectionPass;
+use crate::passes::direct_lightmap::{DirectLightmapPass, Maps, Surface, SurfaceTexels};
+use crate::passes::gutter_dilation::{GutterDilationPass, ReceiverMaps};
+use crate::passes::lightmap_mips::{LightMap, LightmapMipsPass};
+use crate::passes::probe_relight::ProbeRelightPass;
+use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
+use crate::transport_pages::{self, TransportPage};
+use glam::Vec3;
+use localprt_formats::BakedView;
+use localprt_scenes::lighting::MaterialOverride;
+
+/// Precision in which a map is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MapPrecision {
+    /// `Rgba16Float`: half the memory, filterable everywhere, values up to 65504.
+    #[default]
+    Half,
+    /// `Rgba32Float`: filterable only with `Features::FLOAT32_FILTERABLE`.
+    Single,
+}
+
+impl MapPrecision {
+    fn format(self) -> wgpu::TextureFormat {
+        match self {
+            Self::Half => wgpu::TextureFormat::Rgba16Float,
+            Self::Single => wgpu::TextureFormat::Rgba32Float,
+        }
+    }
+}
+
+/// How a [`Relighter`] is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelighterOptions {
+    /// Of the light map, which only the relight rays read. Single by default: texels beside a lamp are brighter than 65504.
+    pub light_map: MapPrecision,
+    /// Of the irradiance map, which the host samples and the next gather reads. Half by default.
+    pub irradiance_map: MapPrecision,
+    /// Gathers per [`Relighter::encode`], at least 1; more follow quick changes within one frame.
+    pub bounces: u32,
+    /// Limit of the albedo that multiplies the previous gather's irradiance, 0..=1.
+    pub feedback_albedo_cap: f32,
+}
+
+impl Default for RelighterOptions {
+    fn default() -> Self {
+        Self {
+            light_map: MapPrecision::Single,
+            irradiance_map: MapPrecision::Half,
+            bounces: 1,
+            feedback_albedo_cap: crate::DEFAULT_FEEDBACK_ALBEDO_CAP,
+        }
+    }
+}
+
+/// Where the light map of a frame comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum DirectLight<'a> {
+    /// Albedo, emission and materials as set, direct irradiance as last given to [`Relighter::set_direct`].
+    Irradiance,
+    /// A map of the host: `direct_size` texels per side in the lightmap's layout, outgoing radiance
+    /// `Le + albedo/pi (D + E)` in rgb, where E is the irradiance map of the last frame, and coverage in alpha.
+    /// One gather per frame, whatever `bounces` is.
+    Texture(&'a wgpu::TextureView),
+}
+
+/// Relights one baked file with compute shaders. The CPU reference of every pass is [`crate::CpuRelighter`].
+///
+/// Needs nothing beyond the limits that WebGPU guarantees. Everything set takes effect with the next
+/// [`Relighter::encode`]; work set and encoded for one frame must be submitted before the next is set.
+pub struct Relighter {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    options: RelighterOptions,
+    sizes: Sizes,
+    light_map: LightMap,
+    maps: ReceiverMaps,
+    pages: Vec<TransportPage>,
+    direct_lightmap: DirectLightmapPass,
+    lightmap_mips: LightmapMipsPass,
+    probe_relight: ProbeRelightPass,
+    cluster_projection: ClusterProjectionPass,
+    receiver_reconstruction: ReceiverReconstructionPass,
+    gutter_dilation: GutterDilationPass,
+    timestamps: Option<Timestamps>,
+    must_clear: bool,
+    /// Level 0 may hold texels that the surface does not cover.
+    light_map_is_foreign: bool,
+    gathers: u64,
+}
+
+#[derive(Clone, Copy)]
+struct Sizes {
+    direct_size: u32,
+    lightmap_size: u32,
+    n_sky: usize,
+    n_rays: usize,
+    n_k: usize,
+    has_distances: bool,
+}
+
+impl Relighter {
+    /// Uploads a file and compiles the passes. All light is zero.
+    ///
+    /// # Errors
+    /// [`RelightError::Bake`] if the file's arrays contradict each other, [`RelightError::Limit`] if the device is too
+    /// small for it, [`RelightError::AlbedoCap`].
+    pub fn new(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        baked: BakedView<'_>,
+        options: RelighterOptions,
+    ) -> Result<Self, RelightError> {
+        if !(0.0..=1.0).contains(&options.feedback_albedo_cap) {
+            return Err(RelightError::AlbedoCap { found: options.feedback_albedo_cap });
+        }
+        let baked = CheckedBake::new(baked)?;
+        let metadata = baked.view().metadata;
+        check_limits(device, &baked)?;
+        let light_map = LightMap::new(device, metadata.direct_size, options.light_map.format());
+        let maps = ReceiverMaps::new(device, metadata.lightmap_size, baked.n_k(), options.irradiance_map.format());
+        let pages = transport_pages::upload(device, baked.transport())?;
+        let probe_relight = ProbeRelightPass::new(device, &baked, &light_map);
+        let transport = baked.transport();
+        let n_columns = (transport.n_sh, transport.n_sky);
+        Ok(Self {
+            direct_lightmap: DirectLightmapPass::new(device, light_map.texture.format(), options.feedback_albedo_cap),
+            lightmap_mips: LightmapMipsPass::new(device, &light_map),
+            cluster_projection: ClusterProjectionPass::new(device, &pages, &probe_relight.probe_radiance, n_columns),
+            receiver_reconstruction: ReceiverReconstructionPass::new(device, &pages, baked.n_k()),
+            gutter_dilation: GutterDilationPass::new(device, &baked, &pages, &maps),
+            timestamps: Timestamps::new(device, queue),
+            sizes: Sizes {
+                direct_size: metadata.direct_size,
+                lightmap_size: metadata.lightmap_size,
+                n_sky: metadata.n_sky(),
+                n_rays: baked.n_rays(),
+                n_k: baked.n_k(),
+                has_distances: !baked.ray_distance().is_empty(),
+            },
+            probe_relight,
+            light_map,
+            maps,
+            pages,
+            must_clear: true,
+            light_map_is_foreign: false,
+            gathers: 0,
+            device: device.clone(),
+            queue: queue.clone(),
+            options,
+        })
+    }
+
+    /// Surface facts and direct irradiance at once, as the CPU relighter takes them; no material table.
+    ///
+    /// # Errors
+    /// Those of [`SurfaceTexels::check`].
+    pub fn set_surface(&mut self, surface: &SurfaceTexels) -> Result<(), RelightError> {
+        surface.check(self.sizes.direct_size)?;
+        self.upload_surface(&Surface::of_texels(surface));
+        self.direct_lightmap.set_direct(&self.queue, &surface.direct);
+        Ok(())
+    }
+
+    fn upload_surface(&mut self, surface: &Surface<'_>) {
+        // Texels that another scene covered must be uncovered again.
+        self.light_map_is_foreign |= self.direct_lightmap.n_texels() > 0;
+        let maps = Maps {
+            irradiance: &self.maps.irradiance_view,
+            irradiance_size: self.sizes.lightmap_size,
+            light_map_level_0: &self.light_map.levels[0],
+        };
+        self.direct_lightmap.set_surface(&self.device, surface, &maps);
+    }
+
+    /// Irradiance straight from punctual lights, W m^-2, one value per covered texel of the last surface.
+    ///
+    /// # Errors
+    /// [`RelightError::Length`], [`RelightError::NotFinite`].
+    pub fn set_direct(&mut self, direct: &[Vec3]) -> Result<(), RelightError> {
+        check_colors("surface direct", direct, self.direct_lightmap.n_texels())?;
+        self.direct_lightmap.set_direct(&self.queue, direct);
+        Ok(())
+    }
+
+    /// Overrides of albedo and emission by material index; materials beyond the list, and `None`, are the scene's own.
+    ///
+    /// # Errors
+    /// [`RelightError::NotFinite`].
+    pub fn set_materials(
+        &mut self,
+        overrides: &[MaterialOverride],
+        albedo_override: Option<f32>,
+    ) -> Result<(), RelightError> {
+        let is_finite = |color: Option<Vec3>| color.is_none_or(Vec3::is_finite);
+        if let Some(index) = overrides.iter().position(|own| !is_finite(own.albedo) || !is_finite(own.emission)) {
+            return Err(RelightError::NotFinite { what: "material", index });
+        }
+        self.direct_lightmap.set_materials(&self.queue, overrides, albedo_override);
+        Ok(())
+    }
+
+    /// The sky: SH radiance for receivers, and radiance along the relight rays for probes. Empty is black; `sky_rays` is
+    /// best left empty (see [`crate::RelightInputs::sky_in_probes`]).
+    ///
+    /// # Errors
+    /// [`RelightError::Length`], [`RelightError::NotFinite`].
+    pub fn set_sky(&mut self, sky_sh: &[Vec3], sky_rays: &[Vec3]) -> Result<(), RelightError> {
+        for (what, sky, expected) in [
+            ("sky SH radiance", sky_sh, self.sizes.n_sky),
+            ("sky radiance per relight ray", sky_rays, self.sizes.n_rays),
+        ] {
+            if !sky.is_empty() {
+                check_colors(what, sky, expected)?;
+            }
+        }
+        self.cluster_projection.set_sky(&self.queue, sky_sh);
+        self.probe_relight.set_sky_rays(&self.queue, sky_rays);
+        Ok(())
+    }
+
+    /// Objects that block relight rays.
+    ///
+    /// # Errors
+    /// [`RelightError::Occluders`] if there are too many, one is not valid, or the file has no ray distances.
+    pub fn set_occluders(&mut self, occluders: &[Occluder]) -> Result<(), RelightError> {
+        check_occluders(occluders, self.sizes.has_distances)?;
+        self.probe_relight.set_occluders(&self.queue, occluders);
+        Ok(())
+    }
+
+    /// Gathers per frame.
+    pub fn set_bounces(&mut self, bounces: u32) {
+        self.options.bounces = bounces.max(1);
+    }
+
+    /// Forgets all light, so that the next frame starts with a first bounce. For cuts and teleports.
+    pub fn reset(&mut self) {
+        self.must_clear = true;
+    }
+
+    /// Records one frame: the light map, then gather after gather up to the maps that the host samples.
+    ///
+    /// # Errors
+    /// [`RelightError::MapSize`] for a texture of another size than the file's `direct_size`.
+    pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, direct: &DirectLight<'_>) -> Result<(), RelightError> {
+        if let DirectLight::Texture(view) = direct {
+            let found = view.texture().width().max(view.texture().height());
+            if found != self.sizes.direct_size {
+                return Err(RelightError::MapSize { expected: self.sizes.direct_size, found });
+            }
+        }
+        if let Some(timestamps) = &mut self.timestamps {
+            timestamps.begin_frame();
+        }
+        if self.must_clear {
+            for page in &self.pages {
+                encoder.clear_buffer(&page.coefficients, 0, None);
+            }
+            self.pass(encoder, "gutter_dilation", |this, pass| this.gutter_dilation.encode(pass));
+            self.must_clear = false;
+            self.gathers = 0;
+        }
+        let from_host = matches!(direct, DirectLight::Texture(_));
+        if self.light_map_is_foreign && !from_host {
+            self.light_map.clear_level_0(&self.queue);
+        }
+        self.light_map_is_foreign = from_host;
+        let bounces = if from_host { 1 } else { self.options.bounces };
+        for _ in 0..bounces {
+            self.pass(encoder, "direct_lightmap", |this, pass| match direct {
+                DirectLight::Irradiance => this.direct_lightmap.encode(pass),
+                DirectLight::Texture(view) => this.direct_lightmap.encode_host_map(
+                    &this.device,
+                    pass,
+                    view,
+                    &this.light_map.levels[0],
+                    this.sizes.direct_size,
+                ),
+            });
+            self.pass(encoder, "lightmap_mips", |this, pass| this.lightmap_mips.encode(pass));
+            self.pass(encoder, "probe_relight", |this, pass| this.probe_relight.encode(pass));
+            self.pass(encoder, "cluster_projection", |this, pass| this.cluster_projection.encode(pass));
+            self.pass(encoder, "receiver_reconstruction", |this, pass| this.receiver_reconstruction.encode(pass));
+            self.pass(encoder, "gutter_dilation", |this, pass| this.gutter_dilation.encode(pass));
+            self.gathers += 1;
+        }
+        if let Some(timestamps) = &mut self.timestamps {
+            timestamps.end_frame(encoder);
+        }
+        Ok(())
+    }
+
+    /// One compute pass with its name and its time.
+    fn pass(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        name: &'static str,
+        record: impl FnOnce(&Self, &mut wgpu::ComputePass<'_>),
+    ) {
+        let mut timestamps = self.timestamps.take();
+        let span = timestamps.as_mut().and_then(|timestamps| timestamps.span(name));
+        let timestamp_writes = span.map(|(query_set, begin, end)| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(begin),
+            end_of_pass_write_index: Some(end),
+        });
+        let label = format!("localprt.{name}");
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&label), timestamp_writes });
+        record(self, &mut pass);
+        drop(pass);
+        self.timestamps = timestamps;
+    }
+
+    /// Gathers since the last reset.
+    pub fn gathers(&self) -> u64 {
+        self.gathers
+    }
+
+    /// Indirect irradiance, W m^-2, `lightmap_size` texels per side; alpha 1 where a receiver or a gutter is. Sample with
+    /// TEXCOORD_1.
+    pub fn irradiance_view(&self) -> &wgpu::TextureView {
+        &self.maps.irradiance_view
+    }
+
+    /// SH radiance of degree 1 in world axes, four layers of one coefficient each (0; y; z; x), for normal maps and
+    /// specular light. `None` for a file of receiver degree 0.
+    pub fn radiance_view(&self) -> Option<&wgpu::TextureView> {
+        (self.sizes.n_k == 4).then_some(&self.maps.radiance_view)
+    }
+
+    /// SH radiance of the probes, `[n_probes, n_sh]` of vec4f, for display.
+    pub fn probe_radiance(&self) -> &wgpu::Buffer {
+        &self.probe_relight.probe_radiance
+    }
+
+    /// Levels of outgoing radiance times coverage, coverage; the texture is the next power of two wide.
+    pub fn light_map(&self) -> &wgpu::Texture {
+        &self.light_map.texture
+    }
+
+    /// GPU time per pass of a recent frame, when it has arrived; call it once per frame after submitting. `None` also on
+    /// devices without `Features::TIMESTAMP_QUERY`.
+    pub fn pass_times(&mut self) -> Option<Vec<PassTime>> {
+        self.timestamps.as_mut()?.take()
+    }
+
+    /// The same for the last submitted frame, waiting for it.
+    pub fn wait_for_pass_times(&mut self) -> Option<Vec<PassTime>> {
+        if let Some(times) = self.pass_times() {
+            return Some(times);
+        }
+        self.device.poll(wgpu::PollType::wait_indefinitely()).ok()?;
+        self.pass_times()
+    }
+
+    /// `[n_receivers, n_k]` transported coefficients, not clamped. Waits for the GPU; for tests and tools.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`].
+    pub fn read_coefficients(&self) -> Result<Vec<Vec3>, RelightError> {
+        let mut all = Vec::new();
+        for page in self.pages.iter().filter(|page| !page.receivers.is_empty()) {
+            let values = self.read_colors(&page.coefficients)?;
+            all.extend_from_slice(&values[..page.receivers.len() * self.sizes.n_k]);
+        }
+        Ok(all)
+    }
+
+    /// Cluster lights of all clusters. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`].
+    pub fn read_cluster_lights(&self) -> Result<Vec<Vec3>, RelightError> {
+        let mut all = Vec::new();
+        for page in &self.pages {
+            all.extend_from_slice(&self.read_colors(&page.cluster_lights)?[..page.n_lights]);
+        }
+        Ok(all)
+    }
+
+    /// `[n_probes, n_sh]` probe radiance. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`].
+    pub fn read_probe_radiance(&self) -> Result<Vec<Vec3>, RelightError> {
+        self.read_colors(&self.probe_relight.probe_radiance)
+    }
+
+    fn read_colors(&self, buffer: &wgpu::Buffer) -> Result<Vec<Vec3>, RelightError> {
+        let bytes = readback::buffer(&self.device, &self.queue, buffer)?;
+        Ok(bytes.chunks_exact(16).map(|color| bytemuck::pod_read_unaligned(&color[..12])).collect())
+    }
+
+    /// Device memory by purpose, bytes.
+    pub fn memory(&self) -> Vec<(&'static str, u64)> {
+        let pages = |size: fn(&TransportPage) -> u64| self.pages.iter().map(size).sum::<u64>();
+        let texture = |texture: &wgpu::Texture| {
+            let texel = u64::from(texture.format().block_copy_size(None).unwrap_or(16));
+            (0..texture.mip_level_count())
+                .map(|level| {
+                    let size = texture.size().mip_level_size(level, texture.dimension());
+                    u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers) * texel
+                })
+                .sum::<u64>()
+        };
+        let mut memory = vec![
+            ("projection", pages(|page| page.projection.size())),
+            ("reconstruction", pages(|page| page.reconstruction.size())),
+            ("clusters and their probes", pages(|page| page.clusters.size() + page.cluster_probes.size())),
+            ("cluster of each receiver", pages(|page| page.receiver_cluster.size())),
+            ("cluster lights", pages(|page| page.cluster_lights.size())),
+            ("receiver coefficients", pages(|page| page.coefficients.size())),
+            ("texels of receivers and gutters", self.gutter_dilation.bytes()),
+        ];
+        memory.extend_from_slice(self.probe_relight.memory());
+        memory.extend(self.direct_lightmap.memory());
+        memory.push(("light map", texture(&self.light_map.texture)));
+        memory.push(("irradiance map", texture(&self.maps.irradiance)));
+        memory.push(("radiance map", texture(&self.maps.radiance)));
+        memory
+    }
+}
+
+/// What cannot be paged.
+fn check_limits(device: &wgpu::Device, baked: &CheckedBake<'_>) -> Result<(), RelightError> {
+    let limits = device.limits();
+    let metadata = baked.view().metadata;
+    let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let texture = u64::from(limits.max_texture_dimension_2d);
+    let n_sh = baked.n_sh() as u64;
+    for (what, needed, allowed) in [
+        ("direct light map, texels per side", u64::from(metadata.direct_size.next_power_of_two()), texture),
+        ("irradiance map, texels per side", u64::from(metadata.lightmap_size), texture),
+        ("probe radiance, bytes", baked.n_probes() as u64 * n_sh * 16, binding),
+        ("SH table of the relight rays, bytes", baked.n_rays() as u64 * n_sh * 4, binding),
+    ] {
+        if needed > allowed {
+            return Err(RelightError::Limit { what, needed, allowed });
+        }
+    }
+    Ok(())
+}
+
+fn check_colors(what: &'static str, colors: &[Vec3], expected: usize) -> Result<(), RelightError> {
+    if colors.len() != expected {
+        return Err(RelightError::Length { what, expected, found: colors.len() });
+    }
+    match colors.iter().position(|color| !color.is_finite()) {
+        Some(index) => Err(RelightError::NotFinite { what, index }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;
