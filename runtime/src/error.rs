@@ -56,4 +56,22 @@ pub enum RelightError {
         /// The given cap.
         found: f32,
     },
+    /// The triangles that cast shadows contradict each other.
+    #[error("shadow casters, {place}: {problem}")]
+    Casters {
+        /// Array and entry.
+        place: String,
+        /// What was found and what was allowed.
+        problem: String,
+    },
+    /// Something is larger than the device allows.
+    #[error("{what} takes {needed} bytes, the device allows {allowed}; ask for a device with the adapter's limits")]
+    DeviceLimit {
+        /// What was to be stored.
+        what: &'static str,
+        /// Its size.
+        needed: u64,
+        /// The device's limit.
+        allowed: u64,
+    },
 }
