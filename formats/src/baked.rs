@@ -107,6 +107,9 @@ pub struct BakedArrays {
     pub ray_uv: Vec<u32>,
     /// `[n_probes][n_rays]` mip level 0..=15, [`LEVEL_SKY`] or [`LEVEL_BLACK`].
     pub ray_level: Vec<u8>,
+    /// `[n_probes][n_rays]` metres from the probe to what the ray meets, infinite where it leaves the scene; or empty:
+    /// files before version 1.1 do not tell.
+    pub ray_distance: Vec<f16>,
     /// `[n_receivers]` texel of the receiver map: `y * lightmap_size + x`, row 0 at v = 0.
     pub receiver_texel: Vec<u32>,
     /// `[n_receivers]` world position, metres.
@@ -141,6 +144,7 @@ pub struct BakedView<'a> {
     pub ray_sh: &'a [f32],
     pub ray_uv: &'a [u32],
     pub ray_level: &'a [u8],
+    pub ray_distance: &'a [f16],
     pub receiver_texel: &'a [u32],
     pub receiver_position: &'a [[f32; 3]],
     pub receiver_normal: &'a [[f32; 3]],
@@ -164,6 +168,7 @@ impl BakedArrays {
             ray_sh: &self.ray_sh,
             ray_uv: &self.ray_uv,
             ray_level: &self.ray_level,
+            ray_distance: &self.ray_distance,
             receiver_texel: &self.receiver_texel,
             receiver_position: &self.receiver_position,
             receiver_normal: &self.receiver_normal,

@@ -134,6 +134,7 @@ fn check_lengths(view: &BakedView<'_>) -> Result<(), Violation> {
         ("ray_sh", view.ray_sh.len(), rays.checked_mul(view.metadata.n_sh() as u64)),
         ("ray_uv", view.ray_uv.len(), lookups),
         ("ray_level", view.ray_level.len(), lookups),
+        ("ray_distance", view.ray_distance.len(), if view.ray_distance.is_empty() { Some(0) } else { lookups }),
         ("receiver_position", view.receiver_position.len(), Some(receivers)),
         ("receiver_normal", view.receiver_normal.len(), Some(receivers)),
         ("receiver_unseen", view.receiver_unseen.len(), Some(receivers)),
@@ -154,7 +155,7 @@ fn check_lengths(view: &BakedView<'_>) -> Result<(), Violation> {
     Ok(())
 }
 
-/// Rules 41 to 44.
+/// Rules 41 to 44, and 49.
 fn check_probes_and_rays(view: &BakedView<'_>) -> Result<(), Violation> {
     for (i, probe) in view.probes.iter().enumerate() {
         let radius = probe.support_radius_m;
@@ -178,6 +179,13 @@ fn check_probes_and_rays(view: &BakedView<'_>) -> Result<(), Violation> {
         let found = view.ray_level[place];
         let allowed = format!("0 to {last_level}, {LEVEL_SKY} and {LEVEL_BLACK}");
         return fail(44, format!("ray_level {place}: is {found}, allowed are {allowed}"));
+    }
+    // As bits, numbers rise from +0 to infinity; then come NaN and everything negative.
+    let is_wrong = |distance: &f16| distance.to_bits() > f16::INFINITY.to_bits();
+    if view.ray_distance.iter().fold(false, |wrong, distance| wrong | is_wrong(distance)) {
+        let place = first(view.ray_distance, is_wrong);
+        let found = view.ray_distance[place];
+        return fail(49, format!("ray_distance {place}: is {found}, allowed are +0 to infinity"));
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ pub const MAGIC: [u8; 8] = *b"\x89LPR\r\n\x1a\n";
 /// Major version this crate reads and writes; others are refused.
 pub const VERSION_MAJOR: u16 = 1;
 /// Minor version this crate writes; any is read.
-pub const VERSION_MINOR: u16 = 0;
+pub const VERSION_MINOR: u16 = 1;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 64;
 /// Bytes of one entry of the section table.
@@ -120,6 +120,7 @@ pub(crate) enum Known {
     RaySh,
     RayUv,
     RayLevel,
+    RayDistance,
     ReceiverTexel,
     ReceiverPosition,
     ReceiverNormal,
@@ -146,14 +147,19 @@ const fn layout(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
     Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true }
 }
 
+const fn optional(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
+    Layout { required: false, ..layout(kind, scalar, components) }
+}
+
 /// Descriptions of all known sections, by [`Known`].
-pub(crate) const LAYOUTS: [Layout; 17] = [
+pub(crate) const LAYOUTS: [Layout; 18] = [
     layout(b"META", Scalar::U8, 1),
     layout(b"PROB", Scalar::F32, 4),
     layout(b"RDIR", Scalar::F32, 4),
     layout(b"RASH", Scalar::F32, 1),
     layout(b"RAUV", Scalar::U32, 1),
     layout(b"RALV", Scalar::U8, 1),
+    optional(b"RADS", Scalar::F16, 1),
     layout(b"RTEX", Scalar::U32, 1),
     layout(b"RPOS", Scalar::F32, 3),
     layout(b"RNRM", Scalar::F32, 3),
@@ -164,7 +170,7 @@ pub(crate) const LAYOUTS: [Layout; 17] = [
     layout(b"RECO", Scalar::F16, 1),
     layout(b"GUTR", Scalar::U32, 2),
     layout(b"SEAM", Scalar::U32, 2),
-    Layout { required: false, ..layout(b"REPT", Scalar::U8, 1) },
+    optional(b"REPT", Scalar::U8, 1),
 ];
 
 fn known_section(kind: SectionKind) -> Option<(usize, &'static Layout)> {

@@ -240,6 +240,7 @@ fn view<'a>(
         ray_sh: slice(file, ranges, Known::RaySh),
         ray_uv: slice(file, ranges, Known::RayUv),
         ray_level: slice(file, ranges, Known::RayLevel),
+        ray_distance: slice(file, ranges, Known::RayDistance),
         receiver_texel: slice(file, ranges, Known::ReceiverTexel),
         receiver_position: slice(file, ranges, Known::ReceiverPosition),
         receiver_normal: slice(file, ranges, Known::ReceiverNormal),

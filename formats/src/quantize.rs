@@ -31,6 +31,12 @@ pub fn to_f16_block(values: &[f32]) -> Result<Vec<f16>, OutOfRange> {
     values.iter().enumerate().map(convert).collect()
 }
 
+/// Nearest f16 of a distance in metres; what is beyond its range, 65520 m and more, becomes infinity. Below that the error
+/// is at most `max(2^-11 d, 2^-25)`. NaN and negative distances become 0.
+pub fn distance_to_f16(distance_m: f32) -> f16 {
+    f16::from_f32(distance_m.max(0.0) + 0.0)
+}
+
 /// A lightmap position as two unorm16, u in the low half. In 0..=1 the error is at most 2^-17 per axis (half of 1/65535,
 /// and f32 rounding); values outside are clamped, because interpolation leaves 0..=1 by rounding; NaN becomes 0.
 pub fn pack_uv(uv: [f32; 2]) -> u32 {
@@ -72,6 +78,14 @@ mod tests {
         let error = to_f16_block(&[1.0, 2.0, 1e6]).unwrap_err();
         assert_eq!((error.index, error.value), (2, 1e6));
         assert_eq!(to_f16_block(&[0.5, -2.0]).unwrap(), [f16::from_f32(0.5), f16::from_f32(-2.0)]);
+    }
+
+    #[test]
+    fn distances_beyond_the_range_are_infinite() {
+        let stored = |distance_m| distance_to_f16(distance_m).to_bits();
+        assert_eq!([65520.0, f32::MAX, f32::INFINITY].map(stored), [f16::INFINITY.to_bits(); 3]);
+        assert_eq!([65519.0, 2.5].map(stored), [f16::MAX.to_bits(), f16::from_f32(2.5).to_bits()]);
+        assert_eq!([0.0, -0.0, -1.0, f32::NAN].map(stored), [0; 4]);
     }
 
     #[test]

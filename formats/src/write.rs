@@ -71,13 +71,14 @@ impl<'a> Plan<'a> {
     fn new(view: &'a BakedView<'a>) -> Result<Self, WriteError> {
         check_invariants(view)?;
         let metadata = metadata::encode(view.metadata)?;
-        let present: Vec<_> =
-            ORDER.into_iter().filter(|known| *known != Known::Report || !view.report.is_empty()).collect();
+        let present: Vec<_> = ORDER
+            .into_iter()
+            .filter_map(|known| payload(known, view, &metadata).map(|payload| (known, payload)))
+            .collect();
         let mut hasher = blake3::Hasher::new();
         let mut end = (HEADER_BYTES + present.len() * ENTRY_BYTES) as u64;
         let mut sections = Vec::with_capacity(present.len());
-        for known in present {
-            let payload = payload(known, view, &metadata);
+        for (known, payload) in present {
             hasher.update(payload);
             let layout = &LAYOUTS[known as usize];
             let length = payload.len() as u64;
@@ -108,7 +109,7 @@ impl<'a> Plan<'a> {
         for (known, info) in &self.sections {
             let padding = [0; header::ALIGNMENT as usize];
             out.write_all(&padding[..(info.offset - end) as usize])?;
-            out.write_all(payload(*known, self.view, &self.metadata))?;
+            out.write_all(payload(*known, self.view, &self.metadata).unwrap_or_default())?;
             end = info.offset + info.length;
         }
         Ok(())
@@ -123,6 +124,7 @@ const ORDER: [Known; LAYOUTS.len()] = [
     Known::RaySh,
     Known::RayUv,
     Known::RayLevel,
+    Known::RayDistance,
     Known::ReceiverTexel,
     Known::ReceiverPosition,
     Known::ReceiverNormal,
@@ -136,15 +138,18 @@ const ORDER: [Known; LAYOUTS.len()] = [
     Known::Report,
 ];
 
-fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> &'a [u8] {
+/// A section's bytes; `None` for an optional one that is left out.
+fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option<&'a [u8]> {
     use bytemuck::cast_slice;
-    match known {
+    Some(match known {
         Known::Metadata => metadata,
         Known::Probes => cast_slice(view.probes),
         Known::RayDirs => cast_slice(view.ray_dirs),
         Known::RaySh => cast_slice(view.ray_sh),
         Known::RayUv => cast_slice(view.ray_uv),
         Known::RayLevel => view.ray_level,
+        Known::RayDistance if view.ray_distance.is_empty() => return None,
+        Known::RayDistance => cast_slice(view.ray_distance),
         Known::ReceiverTexel => cast_slice(view.receiver_texel),
         Known::ReceiverPosition => cast_slice(view.receiver_position),
         Known::ReceiverNormal => cast_slice(view.receiver_normal),
@@ -155,8 +160,9 @@ fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> &'a [u
         Known::Reconstruction => cast_slice(view.reconstruction),
         Known::Gutters => cast_slice(view.gutters),
         Known::Seams => cast_slice(view.seams),
+        Known::Report if view.report.is_empty() => return None,
         Known::Report => view.report.as_bytes(),
-    }
+    })
 }
 
 fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {

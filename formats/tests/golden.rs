@@ -1,18 +1,22 @@
 //! Stored files of every released version open to known values.
 //!
-//! `UPDATE_GOLDEN=1 cargo test` writes the file of the current version; that of a released version never changes.
+//! `UPDATE_GOLDEN=1 cargo test` writes the file of the current version; those of earlier versions never change.
 
 mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::minimal;
+use common::{minimal, minimal_1_0};
 use half::f16;
-use localprt_formats::{Baked, LEVEL_SKY, check, to_bytes, write};
+use localprt_formats::{Baked, BakedView, LEVEL_SKY, check, to_bytes, write};
 
-fn golden() -> PathBuf {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1.lprt");
+fn golden_1_0() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1.lprt")
+}
+
+fn golden_1_1() -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_1.lprt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         write(&path, &minimal()).unwrap();
     }
@@ -20,13 +24,31 @@ fn golden() -> PathBuf {
 }
 
 #[test]
-fn the_file_of_version_1_opens_to_known_values() {
-    let path = golden();
+fn the_file_of_version_1_0_opens_to_known_values() {
+    let path = golden_1_0();
+    assert_eq!(check(&path).unwrap(), []);
+    let baked = Baked::open(&path).unwrap();
+    assert_eq!(baked.version(), (1, 0));
+    assert_eq!(baked.sections().len(), 17);
+    assert_known_values(&baked.view());
+    assert!(baked.view().ray_distance.is_empty());
+}
+
+#[test]
+fn the_file_of_version_1_1_opens_to_known_values() {
+    let path = golden_1_1();
     assert_eq!(check(&path).unwrap(), []);
     let baked = Baked::open(&path).unwrap();
     let view = baked.view();
-    assert_eq!(baked.version(), (1, 0));
-    assert_eq!(baked.sections().len(), 17);
+    assert_eq!(baked.version(), (1, 1));
+    assert_eq!(baked.sections().len(), 18);
+    assert_known_values(&view);
+    assert_eq!(view.ray_distance[..4], [1.5, 0.5, f32::INFINITY, 1.0].map(f16::from_f32));
+    assert_eq!(view.ray_distance[11], f16::MAX);
+}
+
+/// What both files hold.
+fn assert_known_values(view: &BakedView<'_>) {
     assert_eq!(view.metadata.scene_path, "minimal.glb");
     assert_eq!(view.metadata.scene_hash[31], 31);
     assert_eq!(view.metadata.bounds, [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]);
@@ -48,10 +70,20 @@ fn the_file_of_version_1_opens_to_known_values() {
 }
 
 #[test]
-fn the_file_of_version_1_is_written_byte_for_byte() {
-    let stored = std::fs::read(golden()).unwrap();
+fn the_file_of_version_1_1_is_written_byte_for_byte() {
+    let stored = std::fs::read(golden_1_1()).unwrap();
     assert!(stored.len() < 8192, "{} bytes", stored.len());
     assert_eq!(stored, to_bytes(&minimal()).unwrap());
+}
+
+/// Without what is new, files differ by the minor version alone.
+#[test]
+fn the_file_of_version_1_0_would_be_written_alike() {
+    let mut written = to_bytes(&minimal_1_0()).unwrap();
+    assert_eq!(written[10], 1);
+    written[10] = 0;
+    common::seal(&mut written);
+    assert_eq!(std::fs::read(golden_1_0()).unwrap(), written);
 }
 
 /// Rows of the SH table must be what `sh.rs` says: the golden file holds its values as literals.
@@ -73,7 +105,7 @@ fn the_stored_sh_table_matches_the_basis() {
 #[test]
 fn an_independent_reader_agrees() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_lprt.py");
-    let output = match Command::new("python3").arg(&script).arg(golden()).output() {
+    let output = match Command::new("python3").arg(&script).arg(golden_1_1()).output() {
         Ok(output) => output,
         Err(error) => {
             eprintln!("skipped an_independent_reader_agrees: python3 does not start: {error}");
@@ -84,7 +116,7 @@ fn an_independent_reader_agrees() {
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let hash: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
     let expected = serde_json::json!({
-        "version": [1, 0],
+        "version": [1, 1],
         "tool_version": "0.1.0",
         "scene_path": "minimal.glb",
         "scene_hash": hash,
@@ -99,6 +131,7 @@ fn an_independent_reader_agrees() {
         "cluster_lights": 1,
         "projection": 12,
         "reconstruction": 4,
+        "ray_distances": 12,
         "gutters": 2,
         "seams": 1,
         "report": true,

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{entry, minimal, payload, seal, seal_all, u64_at};
+use common::{entry, minimal, n_sections, payload, seal, seal_all, u64_at};
 use localprt_formats::directions::counter_hash;
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
 use localprt_formats::{Baked, BakedArrays, ClusterRecord, OpenError, WriteError, check_bytes, to_bytes};
@@ -130,7 +130,7 @@ fn files_with_forged_numbers_are_refused_or_readable() {
         for change in 0..1 + counter_hash(seed, 0, 0) % 3 {
             let at = counter_hash(seed, 1, change) as usize % (file.len() - 8);
             // Mostly header and table, where the structure is.
-            let at = if seed % 4 == 0 { at } else { at % 880 };
+            let at = if seed % 4 == 0 { at } else { at % (HEADER_BYTES + n_sections(&file) * ENTRY_BYTES) };
             let value = values[counter_hash(seed, 2, change) as usize % values.len()].to_le_bytes();
             let width = [1, 2, 4, 8][counter_hash(seed, 3, change) as usize % 4];
             put(&mut file, at, &value[..width]);
@@ -249,7 +249,7 @@ fn table_rules_refuse() {
         assert_eq!(rule, 16);
     }
     let file = sound();
-    let padding = HEADER_BYTES + 17 * ENTRY_BYTES;
+    let padding = HEADER_BYTES + n_sections(&file) * ENTRY_BYTES;
     for at in [padding, payload(&file, b"META") - 1, payload(&file, b"RDIR") - 1] {
         assert_eq!(refused_after(|file| file[at] = 1), 17, "{at}");
     }
@@ -342,6 +342,7 @@ fn lengths_must_agree() {
     assert_eq!(invariant(|arrays| arrays.ray_sh.truncate(1)), 40);
     assert_eq!(invariant(|arrays| arrays.ray_uv.truncate(1)), 40);
     assert_eq!(invariant(|arrays| arrays.ray_level.truncate(1)), 40);
+    assert_eq!(invariant(|arrays| arrays.ray_distance.truncate(11)), 40);
     assert_eq!(invariant(|arrays| arrays.receiver_texel.truncate(1)), 40);
     assert_eq!(invariant(|arrays| arrays.receiver_position.truncate(1)), 40);
     assert_eq!(invariant(|arrays| arrays.receiver_normal.truncate(1)), 40);
@@ -362,10 +363,14 @@ fn probe_and_ray_rules_refuse() {
     for level in [4, 15, 16, 253] {
         assert_eq!(invariant(|arrays| arrays.ray_level[11] = level), 44);
     }
+    for distance in [-0.0, -1.0, f32::NEG_INFINITY, f32::NAN, -f32::NAN] {
+        assert_eq!(invariant(|arrays| arrays.ray_distance[7] = half::f16::from_f32(distance)), 49, "{distance}");
+    }
     assert_eq!(refused_payload(b"PROB", 0, &f32::NAN.to_le_bytes()), 41);
     assert_eq!(refused_payload(b"RDIR", 0, &2f32.to_le_bytes()), 42);
     assert_eq!(refused_payload(b"RASH", 0, &f32::INFINITY.to_le_bytes()), 43);
     assert_eq!(refused_payload(b"RALV", 11, &[200]), 44);
+    assert_eq!(refused_payload(b"RADS", 22, &half::f16::NAN.to_le_bytes()), 49);
 }
 
 #[test]

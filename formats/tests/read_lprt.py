@@ -13,6 +13,7 @@ KINDS = {  # kind: (scalar, components, required)
     "META": (1, 1, 1), "PROB": (5, 4, 1), "RDIR": (5, 4, 1), "RASH": (5, 1, 1), "RAUV": (3, 1, 1), "RALV": (1, 1, 1),
     "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "CLUS": (3, 10, 1), "CPRB": (3, 1, 1),
     "PROJ": (4, 1, 1), "RECO": (4, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "REPT": (1, 1, 0),
+    "RADS": (4, 1, 0),
 }
 CRC_TABLE = []
 for byte in range(256):
@@ -120,13 +121,16 @@ def main():
     with open(sys.argv[1], "rb") as file:
         minor, sections = read_sections(file.read())
     meta = read_metadata(bytes(sections["META"]))
+    distances = sections.get("RADS") or ()
+    require(40, len(distances) in (0, len(sections["RALV"])))
+    require(49, all(math.copysign(1, distance) > 0 and not math.isnan(distance) for distance in distances))
     clusters = sections["CLUS"]
     print(json.dumps({
         "version": [1, minor], **meta, "degrees": [meta[f"{name}_degree"] for name in ("probe", "receiver", "sky")],
         "probes": len(sections["PROB"]) // 4, "rays": len(sections["RDIR"]) // 4, "receivers": len(sections["RTEX"]),
         "clusters": len(clusters) // 10, "cluster_lights": sum(clusters[5::10]),
         "projection": len(sections["PROJ"]), "reconstruction": len(sections["RECO"]),
-        "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
+        "ray_distances": len(sections.get("RADS") or ()), "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
         "report": bool(sections.get("REPT")), "irradiance": relight_uniform(meta, sections),
     }))
 

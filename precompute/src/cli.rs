@@ -242,7 +242,7 @@ pub enum Backend {
     /// The reference, on all cores
     #[default]
     Cpu,
-    /// wgpu
+    /// Compute shaders, with the same results up to rounding
     Gpu,
 }
 
@@ -252,7 +252,7 @@ pub enum Direct {
     /// Exact, by rays
     #[default]
     Traced,
-    /// As real-time renderers do; needs --backend gpu
+    /// As real-time renderers do: maps of 2048 texels per side
     ShadowMap,
 }
 

@@ -174,7 +174,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         relight: (16 * arrays.ray_dirs.len()
             + 4 * arrays.ray_sh.len()
             + 4 * arrays.ray_uv.len()
-            + arrays.ray_level.len()) as u64,
+            + arrays.ray_level.len()
+            + 2 * arrays.ray_distance.len()) as u64,
         file: 0,
     };
     drop(_stage);
@@ -251,6 +252,7 @@ fn assemble(
         ray_sh: rays.sh,
         ray_uv: rays.uv,
         ray_level: rays.level,
+        ray_distance: rays.distance,
         ..BakedArrays::default()
     };
     let mut stored = vec![u32::MAX; receivers.len()];

@@ -3,55 +3,72 @@
 //! Direct light is traced from the texels of the direct light map; the rest is `localprt_runtime`'s CPU relighter.
 
 use crate::{
-    lightmap::{Atlas, TexelMap, texels},
+    lightmap::{Atlas, Texel, TexelMap, texels},
     rays::RayCaster,
 };
 use glam::Vec3;
 use localprt_formats::{BakedView, sh};
-use localprt_runtime::SurfaceTexels;
-use localprt_scenes::{Light, Lighting, Sky, lighting::SurfaceShading};
+use localprt_runtime::{SceneTexels, SurfaceTexels};
+use localprt_scenes::{Light, Lighting, Material, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use rayon::prelude::*;
 
 /// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
 ///
-/// One shadow ray per texel and light that reaches it. The texels are those that the bake's relight rays were made for.
+/// One shadow ray per texel and light that reaches it.
 pub fn surface_texels(
     caster: &RayCaster<'_>,
     atlas: &Atlas,
     lighting: &Lighting,
     baked: &BakedView<'_>,
 ) -> SurfaceTexels {
-    let scene = caster.scene();
+    let texels = scene_texels(caster.scene(), atlas, baked);
+    let direct = traced_irradiance(caster, &texels, &lighting.lights);
+    texels.shaded(&material_overrides(caster.scene(), lighting), lighting.albedo_override, direct)
+}
+
+/// What stays the same while lights and materials change: the texels that the bake's relight rays were made for, with
+/// place, normals and the scene's own colors.
+pub fn scene_texels(scene: &Scene, atlas: &Atlas, baked: &BakedView<'_>) -> SceneTexels {
     let (size, receiver_size) = (baked.metadata.direct_size, baked.metadata.lightmap_size);
     let mut has_receiver = vec![false; receiver_size as usize * receiver_size as usize];
     for &texel in baked.receiver_texel {
         has_receiver[texel as usize] = true;
     }
     let TexelMap { texels, .. } = texels::cover_visible(scene, atlas, size, receiver_size, &has_receiver);
-    let shading = SurfaceShading::new(scene, lighting);
-    let values: Vec<(Vec3, Vec3, Vec3)> = texels
-        .par_iter()
-        .map(|texel| {
-            let (mesh, triangle) = (texel.mesh as usize, texel.triangle as usize);
-            let corners = scene.corners(mesh, triangle);
-            let weights = texel.barycentrics;
-            let position = corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z;
-            let geometric_normal = scene.geometric_normal(mesh, triangle);
-            let normal = scene.shading_normal(mesh, triangle, weights);
-            (
-                shading.albedo(mesh, triangle, weights),
-                shading.emission(mesh, triangle, weights),
-                direct_irradiance(caster, &lighting.lights, position, normal, geometric_normal),
-            )
-        })
-        .collect();
-    SurfaceTexels {
+    let plain = Lighting::default();
+    let own = SurfaceShading::new(scene, &plain);
+    let points = |value: &(dyn Fn(usize, usize, Vec3) -> Vec3 + Sync)| -> Vec<Vec3> {
+        let of_texel = |texel: &Texel| value(texel.mesh as usize, texel.triangle as usize, texel.barycentrics);
+        texels.par_iter().map(of_texel).collect()
+    };
+    SceneTexels {
         size,
         index: texels.iter().map(|texel| texel.index).collect(),
-        albedo: values.iter().map(|value| value.0).collect(),
-        emission: values.iter().map(|value| value.1).collect(),
-        direct: values.iter().map(|value| value.2).collect(),
+        position: points(&|mesh, triangle, weights| {
+            let corners = scene.corners(mesh, triangle);
+            corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
+        }),
+        normal: points(&|mesh, triangle, weights| scene.shading_normal(mesh, triangle, weights)),
+        geometric_normal: points(&|mesh, triangle, _| scene.geometric_normal(mesh, triangle)),
+        albedo: points(&|mesh, triangle, weights| own.albedo(mesh, triangle, weights)),
+        emission: points(&|mesh, triangle, weights| own.emission(mesh, triangle, weights)),
+        material: texels.iter().map(|texel| scene.meshes[texel.mesh as usize].material as u32).collect(),
     }
+}
+
+/// Direct irradiance of every texel, shadows traced.
+pub fn traced_irradiance(caster: &RayCaster<'_>, texels: &SceneTexels, lights: &[Light]) -> Vec<Vec3> {
+    let irradiance = |texel: usize| {
+        let (position, normal) = (texels.position[texel], texels.normal[texel]);
+        direct_irradiance(caster, lights, position, normal, texels.geometric_normal[texel])
+    };
+    (0..texels.len()).into_par_iter().map(irradiance).collect()
+}
+
+/// The lighting's overrides, by material index instead of name.
+pub fn material_overrides(scene: &Scene, lighting: &Lighting) -> Vec<MaterialOverride> {
+    let of_material = |material: &Material| lighting.materials.get(&material.name).copied().unwrap_or_default();
+    scene.materials.iter().map(of_material).collect()
 }
 
 /// Irradiance straight from punctual lights at a surface point, W m^-2, with traced shadows.

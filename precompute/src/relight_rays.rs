@@ -3,17 +3,18 @@
 //! All probes share one spherical Fibonacci set. A ray that meets a face stores the position in the lightmap layout and
 //! a mip level whose texels are about as large as the ray's footprint, lowered until every texel that the bilinear
 //! lookup touches belongs to the ray's own chart, so that no mip mixes charts. Rays that leave the scene read the sky;
-//! rays that meet the back of a one-sided surface are black.
+//! rays that meet the back of a one-sided surface are black. How far each ray goes is kept as well.
 
 use crate::{
     lightmap::{Atlas, TexelMap},
     rays::{FacePoint, RayCaster},
 };
 use glam::{Vec2, Vec3};
+use half::f16;
 use localprt_formats::{
     LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL,
     directions::spherical_fibonacci,
-    quantize::{pack_uv, unpack_uv},
+    quantize::{distance_to_f16, pack_uv, unpack_uv},
     sh,
 };
 use rayon::prelude::*;
@@ -30,6 +31,8 @@ pub struct RelightRays {
     pub uv: Vec<u32>,
     /// `[n_probes][n_rays]`.
     pub level: Vec<u8>,
+    /// `[n_probes][n_rays]` metres to what the ray meets, infinite where it leaves the scene.
+    pub distance: Vec<f16>,
     /// What the rays met.
     pub counts: RelightCounts,
 }
@@ -68,35 +71,35 @@ pub fn trace(
             *value *= steradians;
         }
     }
-    let probes: Vec<(Vec<u32>, Vec<u8>, RelightCounts)> = probes
+    let probes: Vec<RelightRays> = probes
         .par_iter()
         .map(|&probe| {
-            let mut counts = RelightCounts::default();
-            let mut uvs = Vec::with_capacity(dirs.len());
-            let mut levels = Vec::with_capacity(dirs.len());
+            let mut seen = RelightRays::default();
             for dir in &dirs {
                 let dir = Vec3::from(*dir);
-                let (uv, level) = match caster.closest_hit(probe, dir) {
+                let hit = caster.closest_hit(probe, dir);
+                seen.distance.push(distance_to_f16(hit.as_ref().map_or(f32::INFINITY, |hit| hit.t)));
+                let (uv, level) = match hit {
                     None => {
-                        counts.sky += 1;
+                        seen.counts.sky += 1;
                         (0, LEVEL_SKY)
                     }
                     Some(hit) => match hit.point {
                         None => {
-                            counts.black += 1;
+                            seen.counts.black += 1;
                             (0, LEVEL_BLACK)
                         }
                         Some(point) => {
                             let cosine = -hit.normal.dot(dir);
                             let footprint_m2 = hit.t * hit.t * steradians / cosine.max(0.05);
-                            lookup(caster, atlas, &charts, &point, footprint_m2, &mut counts)
+                            lookup(caster, atlas, &charts, &point, footprint_m2, &mut seen.counts)
                         }
                     },
                 };
-                uvs.push(uv);
-                levels.push(level);
+                seen.uv.push(uv);
+                seen.level.push(level);
             }
-            (uvs, levels, counts)
+            seen
         })
         .collect();
     let mut rays = RelightRays {
@@ -104,14 +107,15 @@ pub fn trace(
         sh: table,
         ..RelightRays::default()
     };
-    for (uv, level, counts) in probes {
-        rays.uv.extend(uv);
-        rays.level.extend(level);
-        rays.counts.surface += counts.surface;
-        rays.counts.moved += counts.moved;
-        rays.counts.sky += counts.sky;
-        rays.counts.black += counts.black;
-        rays.counts.unmapped += counts.unmapped;
+    for seen in probes {
+        rays.uv.extend(seen.uv);
+        rays.level.extend(seen.level);
+        rays.distance.extend(seen.distance);
+        rays.counts.surface += seen.counts.surface;
+        rays.counts.moved += seen.counts.moved;
+        rays.counts.sky += seen.counts.sky;
+        rays.counts.black += seen.counts.black;
+        rays.counts.unmapped += seen.counts.unmapped;
     }
     rays
 }

@@ -134,7 +134,7 @@ pub struct Bytes {
     pub projection: u64,
     /// `U` of all clusters.
     pub reconstruction: u64,
-    /// Relight rays: directions, basis, lookups.
+    /// Relight rays: directions, basis, lookups, distances.
     pub relight: u64,
     /// The whole file.
     pub file: u64,

@@ -187,14 +187,6 @@ fn unknown_built_in_scenes_are_answered_with_the_known_ones() {
     assert_refused(&["bake", "builtin:cornel", "-o", &output], 2, &["`cornel`", "cornell"]);
 }
 
-#[test]
-fn what_this_build_does_not_do_is_unsupported() {
-    for flag in [["--backend", "gpu"], ["--direct", "shadow-map"]] {
-        let arguments = [&["relight", "a.lprt", "--picture", "a.png"], &flag[..]].concat();
-        assert_refused(&arguments, 5, &["GPU backend"]);
-    }
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_standard_output_is_an_error_and_a_closed_one_is_not() {

@@ -88,7 +88,7 @@ impl<'a> CheckedBake<'a> {
 
     /// `[n_probes, n_rays]` metres that relight rays go; empty if the file does not say.
     pub fn ray_distance(&self) -> &'a [f16] {
-        &[]
+        self.view.ray_distance
     }
 
     /// Transport from probes and sky to the receivers of the lightmap.
@@ -107,6 +107,9 @@ fn check_rays(view: &BakedView<'_>) -> Result<(), RelightError> {
     check_len("ray_sh", view.ray_sh.len(), n_rays.checked_mul(view.metadata.n_sh()))?;
     check_len("ray_uv", view.ray_uv.len(), n_probes.checked_mul(n_rays))?;
     check_len("ray_level", view.ray_level.len(), n_probes.checked_mul(n_rays))?;
+    if !view.ray_distance.is_empty() {
+        check_len("ray_distance", view.ray_distance.len(), n_probes.checked_mul(n_rays))?;
+    }
     let is_unknown = |level: &u8| (MAX_LEVEL + 1..LEVEL_SKY).contains(level);
     match view.ray_level.par_iter().position_first(is_unknown) {
         None => Ok(()),
@@ -296,6 +299,7 @@ mod tests {
         assert_refused("ray_uv", |a| a.ray_uv.push(0));
         assert_refused("ray_level", |a| a.ray_level.clear());
         assert_refused("ray_level", |a| a.ray_level[3] = 16);
+        assert_refused("ray_distance", |a| a.ray_distance.push(f16::ONE));
         assert_refused("receiver_normal", |a| a.receiver_normal.clear());
         assert_refused("receiver_texel", |a| a.receiver_texel[0] = 16);
         assert_refused("gutters", |a| a.gutters.push([0, u32::MAX]));

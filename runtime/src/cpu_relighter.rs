@@ -63,6 +63,20 @@ pub struct Relit {
     pub irradiance_map: CoverageMap,
 }
 
+impl Relit {
+    /// Irradiance and its map from `[n_receivers, n_k]` transported coefficients, wherever they were computed.
+    ///
+    /// # Panics
+    /// If `coefficients` does not have the length of the file.
+    pub fn of_coefficients(baked: &CheckedBake<'_>, coefficients: Vec<Vec3>) -> Self {
+        let mut irradiance = vec![Vec3::ZERO; baked.n_receivers()];
+        receiver_irradiance(baked, &coefficients, &mut irradiance);
+        let mut irradiance_map = CoverageMap::uncovered(baked.view().metadata.lightmap_size);
+        gutter_dilation(baked, &irradiance, &mut irradiance_map);
+        Self { coefficients, irradiance, irradiance_map }
+    }
+}
+
 /// Relights one baked file on the CPU; the reference of the GPU passes.
 ///
 /// Results do not depend on the number of rayon threads.

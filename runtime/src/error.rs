@@ -81,4 +81,12 @@ pub enum RelightError {
         /// As the driver tells it.
         reason: String,
     },
+    /// The triangles that cast shadows contradict each other.
+    #[error("shadow casters, {place}: {problem}")]
+    Casters {
+        /// Array and entry.
+        place: String,
+        /// What was found and what was allowed.
+        problem: String,
+    },
 }

@@ -12,6 +12,7 @@ pub mod passes;
 mod relighter;
 #[cfg(feature = "gpu")]
 mod shaders;
+pub mod surface;
 #[cfg(feature = "gpu")]
 mod transport_pages;
 
@@ -28,5 +29,7 @@ pub use error::RelightError;
 pub use gpu::PassTime;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 pub use passes::direct_lightmap::SurfaceTexels;
+pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};
+pub use surface::SceneTexels;

@@ -30,6 +30,13 @@ pub fn rays(n_probes: usize, probe_degree: u32, direct_size: u32, uv: impl Fn(Ve
         arrays.ray_uv.extend(arrays.ray_dirs.iter().map(|d| pack_uv(uv(Vec3::new(d[0], d[1], d[2])))));
     }
     arrays.ray_level = vec![0; n_probes * N_RAYS as usize];
+    // From 1 to 4 metres, and every eleventh ray out of the scene.
+    arrays.ray_distance = (0..n_probes as u64 * u64::from(N_RAYS))
+        .map(|ray| match ray % 11 {
+            0 => f16::INFINITY,
+            _ => f16::from_f64(1.0 + 3.0 * counter_uniform(9, 0, ray)),
+        })
+        .collect();
     arrays
 }
 

@@ -1,6 +1,7 @@
 //! Scene to file to light: what is read back lights the scene like what was written.
 
-use localprt_formats::{Baked, check, write};
+use glam::Vec3;
+use localprt_formats::{Baked, LEVEL_SKY, check, write};
 use localprt_runtime::CpuRelighter;
 use localprt_scenes::{Lighting, export_glb, load};
 use localprt_tests::{bake, irradiance, mean, scene, small_settings};
@@ -49,4 +50,23 @@ fn red_and_green_walls_color_their_sides_of_the_floor() {
     // Red at x = -1, green at x = +1.
     assert!(band(-1.0, 0) > 1.3 * band(-1.0, 1), "{} {}", band(-1.0, 0), band(-1.0, 1));
     assert!(band(1.0, 1) > 1.1 * band(1.0, 0), "{} {}", band(1.0, 1), band(1.0, 0));
+}
+
+#[test]
+fn relight_rays_tell_how_far_they_go() {
+    let baked = bake(scene("cornell"), &small_settings());
+    let arrays = &baked.arrays;
+    let n_rays = arrays.ray_dirs.len();
+    assert_eq!(arrays.ray_distance.len(), arrays.probes.len() * n_rays);
+    let (low, high) = baked.scene.bounds().expect("a box");
+    for (ray, (distance, &level)) in arrays.ray_distance.iter().zip(&arrays.ray_level).enumerate() {
+        assert_eq!(distance.is_finite(), level != LEVEL_SKY, "ray {ray}");
+        if distance.is_finite() {
+            let dir = Vec3::from_slice(&arrays.ray_dirs[ray % n_rays][..3]);
+            let end = Vec3::from(arrays.probes[ray / n_rays].position) + dir * distance.to_f32();
+            // f16 rounds by 2^-11; no way in the box is longer than 4 m.
+            assert!(end.cmpge(low - 2e-3).all() && end.cmple(high + 2e-3).all(), "ray {ray} ends at {end}");
+        }
+    }
+    assert!(arrays.ray_level.contains(&LEVEL_SKY) && arrays.ray_level.iter().any(|level| *level != LEVEL_SKY));
 }

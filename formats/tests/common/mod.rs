@@ -6,6 +6,11 @@ use localprt_formats::directions::{counter_hash, counter_uniform};
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
 use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, Probe};
 
+/// What version 1.0 could hold of [`minimal`].
+pub fn minimal_1_0() -> BakedArrays {
+    BakedArrays { ray_distance: Vec::new(), ..minimal() }
+}
+
 /// Two probes, three receivers, one cluster, six rays, degree 1. All numbers are literals, so that every machine makes
 /// the same bytes.
 pub fn minimal() -> BakedArrays {
@@ -45,6 +50,7 @@ pub fn minimal() -> BakedArrays {
             .collect(),
         ray_uv: vec![0x8000_4000, 0, 0, 0xffff_ffff, 0x2000_1000, 0x0000_ffff, 0x1234_5678, 1, 2, 3, 4, 5],
         ray_level: vec![0, LEVEL_BLACK, LEVEL_SKY, 1, 2, 3, 0, 1, LEVEL_SKY, 1, 0, 2],
+        ray_distance: f16s(&[1.5, 0.5, f32::INFINITY, 1.0, 1.0, 1.0, 0.5, 1.5, f32::INFINITY, 1.0, 0.0, 65504.0]),
         receiver_texel: vec![5, 6, 9],
         receiver_position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
         receiver_normal: vec![[0.0, 1.0, 0.0]; 3],
@@ -116,6 +122,9 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
                 1 => LEVEL_BLACK,
                 other => (other as u32 % (direct_size.ilog2() + 1)) as u8,
             })
+            .collect(),
+        ray_distance: (0..if sizes.report { lookups } else { 0 })
+            .map(|i| if i % 7 == 3 { f16::INFINITY } else { f16::from_f32(number(13, i).abs()) })
             .collect(),
         receiver_position: (0..texels.len()).map(|i| point(8, i)).collect(),
         receiver_normal: (0..texels.len()).map(|i| unit(9, i)).collect(),

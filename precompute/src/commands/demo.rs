@@ -1,6 +1,6 @@
 //! `precompute demo`: the whole way on the Cornell box: bake, relight, validate.
 
-use super::relight::{caster, light, take_picture, write_lightmap, write_picture};
+use super::relight::{How, caster, light, take_picture, write_lightmap, write_picture};
 use super::validate::Job;
 use super::{bake, inputs, print_data, write_text};
 use crate::cli::{Demo, View};
@@ -50,7 +50,8 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     ];
     for (name, what, lights, bounces, albedo_override) in states {
         let lighting = inputs::lighting(lights.map(|path| path.as_path()), &scene)?;
-        let relit = light(baked.view(), &caster, &lighting, bounces, progress)?;
+        let how = How { bounces, ..How::default() };
+        let relit = light(baked.view(), &caster, &lighting, how, progress)?;
         let picture = take_picture(&caster, &lighting, &relit, &View { albedo_override, ..PLAIN_VIEW }, progress)?;
         let look = if lights.is_some() { Exposure::Auto } else { exposure };
         let ev = write_picture(&folder.join(name), &picture, look)?;

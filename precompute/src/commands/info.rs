@@ -141,7 +141,8 @@ impl Facts {
                 relight: size_of_val(view.ray_dirs)
                     + size_of_val(view.ray_sh)
                     + size_of_val(view.ray_uv)
-                    + size_of_val(view.ray_level),
+                    + size_of_val(view.ray_level)
+                    + size_of_val(view.ray_distance),
                 file: baked.file_bytes(),
             },
             sections: baked

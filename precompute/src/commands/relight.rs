@@ -10,17 +10,26 @@ use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
 use localprt_precompute::picture::{self, Exposure, Picture, PictureSize, Surfaces};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::{RayCaster, SurfaceHit};
-use localprt_precompute::relight::{direct_irradiance, sky_inputs, surface_texels};
+use localprt_precompute::relight::{
+    direct_irradiance, material_overrides, scene_texels, sky_inputs, traced_irradiance,
+};
 use localprt_precompute::report::StageTime;
-use localprt_runtime::{CpuRelighter, RelightError, RelightInputs, Relit};
+use localprt_runtime::passes::direct_irradiance::direct_irradiance as shadow_mapped_irradiance;
+use localprt_runtime::{CpuRelighter, RelightError, RelightInputs, Relit, ShadowCasters};
 use localprt_scenes::{Camera, Lighting, Scene};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
+#[cfg(feature = "gpu")]
+#[path = "relight_gpu.rs"]
+mod relight_gpu;
+
+/// Texels per side of shadow maps: as many as the direct light map has by default.
+const SHADOW_MAP_SIZE: u32 = 2048;
+
 /// Runs the subcommand.
 pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
-    supported(command)?;
     for path in [&command.output, &command.receivers, &command.json, &command.picture] {
         check_output(path.as_deref())?;
     }
@@ -30,7 +39,8 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
     let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
     let caster = caster(&scene)?;
-    let relit = light(view, &caster, &lighting, command.bounces, progress)?;
+    let how = How { backend: command.backend, direct: command.direct, bounces: command.bounces };
+    let relit = light(view, &caster, &lighting, how, progress)?;
 
     if let Some(path) = &command.output {
         write_lightmap(path, &relit, command.half)?;
@@ -55,19 +65,20 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn supported(command: &Relight) -> Result<(), CommandError> {
-    let what = match (command.backend, command.direct) {
-        (Backend::Cpu, Direct::Traced) => return Ok(()),
-        (Backend::Gpu, _) => "this build has no GPU backend",
-        (Backend::Cpu, Direct::ShadowMap) => "shadow maps need the GPU backend, and this build has none",
-    };
-    Err(CommandError::new(Exit::Unsupported, what)
-        .help("leave --backend and --direct out: the CPU does the same, exactly"))
-}
-
 /// Rays against a scene.
 pub fn caster(scene: &Scene) -> Result<RayCaster<'_>, CommandError> {
     RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).with_remedy())
+}
+
+/// How a lighting state is computed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct How {
+    /// What computes.
+    pub backend: Backend,
+    /// How direct light finds its shadows.
+    pub direct: Direct,
+    /// Gathers.
+    pub bounces: u32,
 }
 
 /// Indirect light after so many gathers. The caster's scene carries the file's lightmap coordinates.
@@ -75,28 +86,59 @@ pub fn light(
     view: BakedView<'_>,
     caster: &RayCaster<'_>,
     lighting: &Lighting,
-    bounces: u32,
+    how: How,
     progress: &Progress,
 ) -> Result<Relit, CommandError> {
-    // Scene and file fit each other, or the hash would differ; what is left is a scene that defeats the arithmetic.
-    let refused = |error: RelightError| {
-        CommandError::of(Exit::InvalidInput, &error).help("check the lighting, and bake the scene again")
+    #[cfg(feature = "gpu")]
+    let gpu = match how.backend {
+        Backend::Cpu => None,
+        // Before anything is computed, so that a missing adapter is told at once.
+        Backend::Gpu => Some(relight_gpu::device()?),
     };
+    #[cfg(not(feature = "gpu"))]
+    if how.backend == Backend::Gpu {
+        return Err(CommandError::new(Exit::Unsupported, "this build has no GPU backend")
+            .help("leave --backend out: the CPU does the same; or build with the feature gpu"));
+    }
     let stage = progress.stage("direct light", 0);
-    let atlas = Atlas::of(caster.scene());
-    let surface = surface_texels(caster, &atlas, lighting, &view);
+    let scene = caster.scene();
+    let texels = scene_texels(scene, &Atlas::of(scene), &view);
+    let direct = match how.direct {
+        Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
+        Direct::ShadowMap => {
+            shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
+        }
+    };
+    let surface = texels.shaded(&material_overrides(scene, lighting), lighting.albedo_override, direct);
     let sky = sky_inputs(&lighting.sky, &view);
     drop(stage);
     progress.check()?;
-    let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
-    let stage = progress.stage("bounces", bounces.into());
+    let inputs =
+        RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces: how.bounces, ..RelightInputs::new(&surface) };
+    let stage = progress.stage("bounces", how.bounces.into());
+    #[cfg(feature = "gpu")]
+    if let Some(gpu) = gpu {
+        return relight_gpu::light(&gpu, view, &inputs, progress, &stage);
+    }
     let mut relighter = CpuRelighter::new(view).map_err(refused)?;
-    for _ in 0..bounces {
+    for _ in 0..how.bounces {
         progress.check()?;
         relighter.step(&inputs).map_err(refused)?;
         stage.inc(1);
     }
     Ok(relighter.relit().clone())
+}
+
+/// Scene and file fit each other, or the hash would differ; what is left is a scene that defeats the arithmetic, or a GPU
+/// that is too small.
+fn refused(error: RelightError) -> CommandError {
+    match error {
+        #[cfg(feature = "gpu")]
+        RelightError::Limit { .. } | RelightError::Device { .. } => {
+            CommandError::of(Exit::Unsupported, &error).help("leave --backend out: the CPU does the same")
+        }
+        _ => CommandError::of(Exit::InvalidInput, &error).help("check the lighting, and bake the scene again"),
+    }
 }
 
 /// The indirect irradiance as an image, row 0 at v = 0; black where no receiver is.
@@ -186,6 +228,7 @@ struct Figures {
     lights: usize,
     bounces: u32,
     backend: &'static str,
+    direct: &'static str,
     receivers: usize,
     /// Indirect irradiance over receivers, linear RGB, W/m^2.
     irradiance: Irradiance,
@@ -217,7 +260,14 @@ fn figures(
         file: command.file.display().to_string(),
         lights: lighting.lights.len(),
         bounces: command.bounces,
-        backend: "cpu",
+        backend: match command.backend {
+            Backend::Cpu => "cpu",
+            Backend::Gpu => "gpu",
+        },
+        direct: match command.direct {
+            Direct::Traced => "traced",
+            Direct::ShadowMap => "shadow-map",
+        },
         receivers: relit.irradiance.len(),
         irradiance: Irradiance { mean: mean.to_array(), max: max.to_array() },
         exposure,

@@ -58,7 +58,7 @@ pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress:
         stage.inc(1);
     }
     let mut probe_radiance_with_sky = vec![Vec3::ZERO; relighter.probe_radiance().len()];
-    probe_relight(relighter.baked(), relighter.light_map(), &sky.rays, &mut probe_radiance_with_sky);
+    probe_relight(relighter.baked(), relighter.light_map(), &sky.rays, &[], &mut probe_radiance_with_sky);
     Ok(Lit {
         relit: relighter.relit().clone(),
         probe_radiance: relighter.probe_radiance().to_vec(),

@@ -1,15 +1,19 @@
 //! The passes of one gather, in order; each folder holds one pass and its CPU twin.
 //!
+//! Before the gathers, where shadows are not traced: [`shadow_map`] -> [`direct_irradiance`].
+//!
 //! [`direct_lightmap`] -> [`lightmap_mips`] -> [`probe_relight`] -> [`cluster_projection`] ->
 //! [`receiver_reconstruction`] -> [`gutter_dilation`]; the last one's map is the next gather's feedback.
 //! [`CpuRelighter`](crate::CpuRelighter) is the one file that knows this order.
 
 pub mod cluster_projection;
+pub mod direct_irradiance;
 pub mod direct_lightmap;
 pub mod gutter_dilation;
 pub mod lightmap_mips;
 pub mod probe_relight;
 pub mod receiver_reconstruction;
+pub mod shadow_map;
 
 /// Splits off the given ranges, which must rise and not overlap, so that they can be written in parallel.
 fn split_ranges<T>(mut values: &mut [T], ranges: impl Iterator<Item = std::ops::Range<usize>>) -> Vec<&mut [T]> {

@@ -52,24 +52,35 @@ impl SurfaceTexels {
         }
         let arrays =
             [("surface albedo", &self.albedo), ("surface emission", &self.emission), ("surface direct", &self.direct)];
-        for (what, values) in arrays {
-            if values.len() != self.len() {
-                return Err(RelightError::Length { what, expected: self.len(), found: values.len() });
-            }
-        }
-        let limit = u64::from(self.size) * u64::from(self.size);
-        let rises = |position: usize| position == 0 || self.index[position - 1] < self.index[position];
-        let is_bad = |position: usize| u64::from(self.index[position]) >= limit || !rises(position);
-        if let Some(position) = first_where(self.len(), is_bad) {
-            return Err(RelightError::TexelIndex { position, index: self.index[position], limit });
-        }
-        for (what, values) in arrays {
-            if let Some(index) = first_where(values.len(), |index| !values[index].is_finite()) {
-                return Err(RelightError::NotFinite { what, index });
-            }
-        }
-        Ok(())
+        check_index(self.size, &self.index)?;
+        check_values(self.len(), &arrays.map(|(what, values)| (what, values.as_slice())))
     }
+}
+
+/// Refuses texel indices that do not rise or lie outside of a map.
+pub(crate) fn check_index(size: u32, index: &[u32]) -> Result<(), RelightError> {
+    let limit = u64::from(size) * u64::from(size);
+    let rises = |position: usize| position == 0 || index[position - 1] < index[position];
+    let is_bad = |position: usize| u64::from(index[position]) >= limit || !rises(position);
+    match first_where(index.len(), is_bad) {
+        Some(position) => Err(RelightError::TexelIndex { position, index: index[position], limit }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses named arrays of another length and values that are not finite.
+pub(crate) fn check_values(expected: usize, arrays: &[(&'static str, &[Vec3])]) -> Result<(), RelightError> {
+    for &(what, values) in arrays {
+        if values.len() != expected {
+            return Err(RelightError::Length { what, expected, found: values.len() });
+        }
+    }
+    for &(what, values) in arrays {
+        if let Some(index) = first_where(values.len(), |index| !values[index].is_finite()) {
+            return Err(RelightError::NotFinite { what, index });
+        }
+    }
+    Ok(())
 }
 
 /// First of `0..len` for which `is_bad` holds, searched in parallel blocks without a branch per entry.

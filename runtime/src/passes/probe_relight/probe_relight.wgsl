@@ -144,7 +144,8 @@ fn ray_radiance(slot: u32, probe: u32, ray: u32) -> vec3f {
     if (OCCLUDERS) {
         let origin = probes[params.first_probe + probe].xyz;
         let dir = ray_dirs[ray].xyz;
-        var nearest = unpack2x16float(ray_distance[at / 2u])[at % 2u];
+        // Rays that leave the scene go infinitely far; what is missed is FARTHEST away and blocks nothing.
+        var nearest = min(unpack2x16float(ray_distance[at / 2u])[at % 2u], FARTHEST);
         var blocked_by = MAX_OCCLUDERS;
         for (var i = 0u; i < atomicLoad(&n_near[slot]); i += 1u) {
             let index = near_occluders[slot][i];

@@ -1,0 +1,21 @@
+//! Shadow maps: what each light sees first, as depth.
+//!
+//! In: [`ShadowCasters`] and lights. Out: one depth map per [`ShadowView`] of a light, and how to read it.
+//!
+//! A directional light has one orthographic map of the whole scene, a spot one perspective map of its cone, a point
+//! light six, as has a spot too wide for one map. All casters are drawn from both sides, as traced rays meet them: walls
+//! may be single triangles that face one room only, so neither side alone closes a scene.
+//!
+//! Depths are stored as they are and receivers are moved off their surface instead of being biased in depth: by the
+//! rounding of positions, and by just enough along the geometric normal that a flat surface cannot shade itself through
+//! the texels that one read compares ([`ShadowView::receiver_offset_m`]). So the error is at most about a texel of the
+//! map: a caster lower than the offset casts no contact shadow, and within a texel of a silhouette (a wall's foot is one
+//! too) light and shadow mix.
+
+mod casters;
+mod reference;
+mod views;
+
+pub use casters::{AlphaImage, AlphaMask, CasterBounds, CasterMasks, NO_MASK, ShadowCasters};
+pub use reference::{ShadowMap, shadow_map};
+pub use views::{MAX_SPOT_MAP_ANGLE, MIN_SHADOW_MAP_SIZE, ShadowView, shadow_views};

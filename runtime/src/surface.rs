@@ -1,0 +1,138 @@
+//! The surfaces behind the texels of the direct light map: what stays while lights and materials change.
+
+use crate::error::RelightError;
+use crate::passes::direct_lightmap::{SurfaceTexels, check_index, check_values};
+use glam::Vec3;
+use localprt_scenes::MaterialOverride;
+
+/// Geometry and own colors of every covered texel of the direct light map. Arrays of equal length, one entry per covered
+/// texel. World space, metres; unit normals; linear Rec. 709.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneTexels {
+    /// Texels per side; the file's `direct_size`.
+    pub size: u32,
+    /// Covered texels, `y * size + x`, rising.
+    pub index: Vec<u32>,
+    /// Point of the surface.
+    pub position: Vec<Vec3>,
+    /// Shading normal, on the side of the geometric normal.
+    pub normal: Vec<Vec3>,
+    /// Normal of the triangle.
+    pub geometric_normal: Vec<Vec3>,
+    /// The scene's own diffuse albedo.
+    pub albedo: Vec<Vec3>,
+    /// The scene's own emitted radiance, W sr^-1 m^-2.
+    pub emission: Vec<Vec3>,
+    /// Material, by its index in the scene.
+    pub material: Vec<u32>,
+}
+
+impl SceneTexels {
+    /// Number of covered texels.
+    pub fn len(&self) -> usize {
+        self.index.len()
+    }
+
+    /// True if no texel is covered.
+    pub fn is_empty(&self) -> bool {
+        self.index.is_empty()
+    }
+
+    /// Checks lengths, indices and values against a file's `direct_size`.
+    ///
+    /// # Errors
+    /// [`RelightError::MapSize`], [`RelightError::Length`], [`RelightError::TexelIndex`], [`RelightError::NotFinite`].
+    pub fn check(&self, direct_size: u32) -> Result<(), RelightError> {
+        if self.size != direct_size {
+            return Err(RelightError::MapSize { expected: direct_size, found: self.size });
+        }
+        if self.material.len() != self.len() {
+            let (expected, found) = (self.len(), self.material.len());
+            return Err(RelightError::Length { what: "texel material", expected, found });
+        }
+        check_index(self.size, &self.index)?;
+        check_values(
+            self.len(),
+            &[
+                ("texel position", &self.position),
+                ("texel normal", &self.normal),
+                ("texel geometric normal", &self.geometric_normal),
+                ("texel albedo", &self.albedo),
+                ("texel emission", &self.emission),
+            ],
+        )
+    }
+
+    /// Albedo and emission under a lighting state, with the given direct irradiance.
+    ///
+    /// `overrides` has an entry per material; materials beyond its end keep their own colors. `albedo_override` comes
+    /// before a material's albedo, as in [`SurfaceShading`](localprt_scenes::SurfaceShading).
+    pub fn shaded(
+        &self,
+        overrides: &[MaterialOverride],
+        albedo_override: Option<f32>,
+        direct: Vec<Vec3>,
+    ) -> SurfaceTexels {
+        let of_texel = |texel: usize| overrides.get(self.material[texel] as usize).copied().unwrap_or_default();
+        let albedo = |texel: usize| {
+            let own = albedo_override.map(Vec3::splat).or(of_texel(texel).albedo).unwrap_or(self.albedo[texel]);
+            own.clamp(Vec3::ZERO, Vec3::ONE)
+        };
+        SurfaceTexels {
+            size: self.size,
+            index: self.index.clone(),
+            albedo: (0..self.len()).map(albedo).collect(),
+            emission: (0..self.len()).map(|texel| of_texel(texel).emission.unwrap_or(self.emission[texel])).collect(),
+            direct,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texels() -> SceneTexels {
+        SceneTexels {
+            size: 4,
+            index: vec![3, 5, 9],
+            position: vec![Vec3::ZERO; 3],
+            normal: vec![Vec3::Y; 3],
+            geometric_normal: vec![Vec3::Y; 3],
+            albedo: vec![Vec3::splat(0.25), Vec3::splat(1.5), Vec3::splat(0.75)],
+            emission: vec![Vec3::ZERO, Vec3::splat(3.0), Vec3::ZERO],
+            material: vec![0, 1, 2],
+        }
+    }
+
+    #[test]
+    fn overrides_replace_by_material_and_albedo_is_clamped() {
+        let colors = |overrides: &[MaterialOverride], albedo| {
+            let shaded = texels().shaded(overrides, albedo, vec![Vec3::splat(7.0); 3]);
+            assert_eq!(shaded.check(4), Ok(()));
+            [0, 1, 2].map(|texel| (shaded.albedo[texel].x, shaded.emission[texel].x))
+        };
+        assert_eq!(colors(&[], None), [(0.25, 0.0), (1.0, 3.0), (0.75, 0.0)]);
+        let overrides = [
+            MaterialOverride { albedo: None, emission: Some(Vec3::splat(9.0)) },
+            MaterialOverride { albedo: Some(Vec3::splat(0.125)), emission: None },
+        ];
+        assert_eq!(colors(&overrides, None), [(0.25, 9.0), (0.125, 3.0), (0.75, 0.0)]);
+        assert_eq!(colors(&overrides, Some(0.5)), [(0.5, 9.0), (0.5, 3.0), (0.5, 0.0)]);
+    }
+
+    #[test]
+    fn wrong_texels_are_refused() {
+        use crate::RelightError::{Length, MapSize, NotFinite, TexelIndex};
+        assert_eq!(texels().check(4), Ok(()));
+        assert_eq!(texels().check(8), Err(MapSize { expected: 8, found: 4 }));
+        let short = SceneTexels { material: vec![0], ..texels() };
+        assert_eq!(short.check(4), Err(Length { what: "texel material", expected: 3, found: 1 }));
+        let short = SceneTexels { normal: vec![Vec3::Y], ..texels() };
+        assert_eq!(short.check(4), Err(Length { what: "texel normal", expected: 3, found: 1 }));
+        let falling = SceneTexels { index: vec![3, 2, 9], ..texels() };
+        assert_eq!(falling.check(4), Err(TexelIndex { position: 1, index: 2, limit: 16 }));
+        let infinite = SceneTexels { emission: vec![Vec3::ZERO, Vec3::NAN, Vec3::ZERO], ..texels() };
+        assert_eq!(infinite.check(4), Err(NotFinite { what: "texel emission", index: 1 }));
+    }
+}
