@@ -4,6 +4,12 @@
 //! In: [`SceneTexels`](crate::SceneTexels), [`ShadowCasters`](crate::ShadowCasters), lights. Out: irradiance per covered
 //! texel, W m^-2, in the order of the texels: the `direct` of [`SurfaceTexels`](crate::SurfaceTexels).
 
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) mod layout_test;
 mod reference;
 
+#[cfg(feature = "gpu")]
+pub use gpu::{DirectOptions, DirectPass, DirectTimestamps};
 pub use reference::{add_light, direct_irradiance};

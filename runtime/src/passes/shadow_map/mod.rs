@@ -13,6 +13,8 @@
 //! too) light and shadow mix.
 
 mod casters;
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
 mod reference;
 mod views;
 

@@ -183,7 +183,7 @@ fn holes_of_a_mask_stay_open_in_perspective() {
             continue;
         }
         let on_quad = (0.0..8.0).contains(&column) && point.y.abs() < 1.0;
-        let present = on_quad && column as usize % 2 == 0;
+        let present = on_quad && (column as usize).is_multiple_of(2);
         assert_eq!(depth > 0.0, present, "{index} at column {column}");
         counts[usize::from(present)] += usize::from(on_quad);
     }
