@@ -56,6 +56,9 @@ pub enum RelightError {
         /// The given cap.
         found: f32,
     },
+    /// Built-in direct light without surfaces.
+    #[error("no scene is set; call `set_scene` before using its lights, or hand in direct light another way")]
+    NoScene,
     /// Dynamic occluders cannot be used as given.
     #[error("dynamic occluders: {problem}")]
     Occluders {

@@ -2,18 +2,21 @@
 
 use crate::checked_bake::CheckedBake;
 use crate::error::RelightError;
-use crate::gpu::{PassTime, Timestamps, readback};
+use crate::gpu::{PassTime, Timestamps, readback, zeros};
 use crate::occluder::{Occluder, check_occluders};
 use crate::passes::cluster_projection::ClusterProjectionPass;
+use crate::passes::direct_irradiance::{DirectOptions, DirectPass, DirectTimestamps};
 use crate::passes::direct_lightmap::{DirectLightmapPass, Maps, Surface, SurfaceTexels};
 use crate::passes::gutter_dilation::{GutterDilationPass, ReceiverMaps};
 use crate::passes::lightmap_mips::{LightMap, LightmapMipsPass};
 use crate::passes::probe_relight::ProbeRelightPass;
 use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
+use crate::passes::shadow_map::ShadowCasters;
+use crate::surface::SceneTexels;
 use crate::transport_pages::{self, TransportPage};
 use glam::Vec3;
 use localprt_formats::BakedView;
-use localprt_scenes::lighting::MaterialOverride;
+use localprt_scenes::{Light, MaterialOverride};
 
 /// Precision in which a map is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,6 +48,8 @@ pub struct RelighterOptions {
     pub bounces: u32,
     /// Limit of the albedo that multiplies the previous gather's irradiance, 0..=1.
     pub feedback_albedo_cap: f32,
+    /// Of the shadow maps.
+    pub direct: DirectOptions,
 }
 
 impl Default for RelighterOptions {
@@ -54,6 +59,7 @@ impl Default for RelighterOptions {
             irradiance_map: MapPrecision::Half,
             bounces: 1,
             feedback_albedo_cap: crate::DEFAULT_FEEDBACK_ALBEDO_CAP,
+            direct: DirectOptions::default(),
         }
     }
 }
@@ -61,7 +67,10 @@ impl Default for RelighterOptions {
 /// Where the light map of a frame comes from.
 #[derive(Clone, Copy, Debug)]
 pub enum DirectLight<'a> {
-    /// Albedo, emission and materials as set, direct irradiance as last given to [`Relighter::set_direct`].
+    /// The lights of [`Relighter::set_lights`], shadows by shadow maps, over the scene of [`Relighter::set_scene`]. Shadow
+    /// maps are drawn again only after lights or scene have changed.
+    Lights,
+    /// Irradiance as last given to [`Relighter::set_direct`] or [`Relighter::set_surface`].
     Irradiance,
     /// A map of the host: `direct_size` texels per side in the lightmap's layout, outgoing radiance
     /// `Le + albedo/pi (D + E)` in rgb, where E is the irradiance map of the last frame, and coverage in alpha.
@@ -87,6 +96,9 @@ pub struct Relighter {
     cluster_projection: ClusterProjectionPass,
     receiver_reconstruction: ReceiverReconstructionPass,
     gutter_dilation: GutterDilationPass,
+    direct_pass: Option<DirectPass>,
+    lights: Vec<Light>,
+    lights_changed: bool,
     timestamps: Option<Timestamps>,
     must_clear: bool,
     /// Level 0 may hold texels that the surface does not cover.
@@ -134,6 +146,9 @@ impl Relighter {
             cluster_projection: ClusterProjectionPass::new(device, &pages, &probe_relight.probe_radiance, n_columns),
             receiver_reconstruction: ReceiverReconstructionPass::new(device, &pages, baked.n_k()),
             gutter_dilation: GutterDilationPass::new(device, &baked, &pages, &maps),
+            direct_pass: None,
+            lights: Vec::new(),
+            lights_changed: false,
             timestamps: Timestamps::new(device, queue),
             sizes: Sizes {
                 direct_size: metadata.direct_size,
@@ -156,18 +171,57 @@ impl Relighter {
         })
     }
 
-    /// Surface facts and direct irradiance at once, as the CPU relighter takes them; no material table.
+    /// The scene for [`DirectLight::Lights`]: surfaces, and what casts shadows on them. Materials are the scene's own, and
+    /// there are no lights, until set.
     ///
     /// # Errors
-    /// Those of [`SurfaceTexels::check`].
+    /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`]; [`RelightError::Limit`]. The scene before is then
+    /// still there.
+    pub fn set_scene(&mut self, texels: &SceneTexels, casters: &ShadowCasters) -> Result<(), RelightError> {
+        texels.check(self.sizes.direct_size)?;
+        if let Some(&material) = texels.material.iter().find(|material| **material > u32::from(u16::MAX)) {
+            let allowed = u64::from(u16::MAX);
+            return Err(RelightError::Limit { what: "material index", needed: material.into(), allowed });
+        }
+        let mut direct_pass = DirectPass::new(&self.device, &self.options.direct);
+        direct_pass.set_scene(&self.device, texels, casters)?;
+        let surface = Surface {
+            size: texels.size,
+            index: &texels.index,
+            albedo: &texels.albedo,
+            emission: &texels.emission,
+            material: &texels.material,
+        };
+        self.upload_surface(&surface, direct_pass.irradiance_buffer().clone());
+        self.direct_pass = Some(direct_pass);
+        self.lights.clear();
+        self.lights_changed = true;
+        Ok(())
+    }
+
+    /// The lights of [`DirectLight::Lights`], any number.
+    pub fn set_lights(&mut self, lights: &[Light]) {
+        self.lights_changed |= self.lights != lights;
+        self.lights = lights.to_vec();
+    }
+
+    /// Surface facts and direct irradiance at once, as the CPU relighter takes them; no material table, no shadow maps.
+    ///
+    /// # Errors
+    /// Those of [`SurfaceTexels::check`]; [`RelightError::Limit`].
     pub fn set_surface(&mut self, surface: &SurfaceTexels) -> Result<(), RelightError> {
         surface.check(self.sizes.direct_size)?;
-        self.upload_surface(&Surface::of_texels(surface));
+        let (needed, allowed) = (surface.len() as u64 * 16, self.device.limits().max_buffer_size);
+        if needed > allowed {
+            return Err(RelightError::Limit { what: "direct irradiance, bytes", needed, allowed });
+        }
+        self.upload_surface(&Surface::of_texels(surface), zeros(&self.device, "direct_lightmap.direct", needed));
+        self.direct_pass = None;
         self.direct_lightmap.set_direct(&self.queue, &surface.direct);
         Ok(())
     }
 
-    fn upload_surface(&mut self, surface: &Surface<'_>) {
+    fn upload_surface(&mut self, surface: &Surface<'_>, direct: wgpu::Buffer) {
         // Texels that another scene covered must be uncovered again.
         self.light_map_is_foreign |= self.direct_lightmap.n_texels() > 0;
         let maps = Maps {
@@ -175,7 +229,7 @@ impl Relighter {
             irradiance_size: self.sizes.lightmap_size,
             light_map_level_0: &self.light_map.levels[0],
         };
-        self.direct_lightmap.set_surface(&self.device, surface, &maps);
+        self.direct_lightmap.set_surface(&self.device, surface, direct, &maps);
     }
 
     /// Irradiance straight from punctual lights, W m^-2, one value per covered texel of the last surface.
@@ -185,6 +239,8 @@ impl Relighter {
     pub fn set_direct(&mut self, direct: &[Vec3]) -> Result<(), RelightError> {
         check_colors("surface direct", direct, self.direct_lightmap.n_texels())?;
         self.direct_lightmap.set_direct(&self.queue, direct);
+        // The shadow-mapped irradiance is gone from the same place.
+        self.lights_changed = true;
         Ok(())
     }
 
@@ -247,7 +303,8 @@ impl Relighter {
     /// Records one frame: the light map, then gather after gather up to the maps that the host samples.
     ///
     /// # Errors
-    /// [`RelightError::MapSize`] for a texture of another size than the file's `direct_size`.
+    /// [`RelightError::MapSize`] for a texture of another size than the file's `direct_size`; [`RelightError::NoScene`] for
+    /// [`DirectLight::Lights`] without a scene.
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, direct: &DirectLight<'_>) -> Result<(), RelightError> {
         if let DirectLight::Texture(view) = direct {
             let found = view.texture().width().max(view.texture().height());
@@ -255,8 +312,14 @@ impl Relighter {
                 return Err(RelightError::MapSize { expected: self.sizes.direct_size, found });
             }
         }
+        if matches!(direct, DirectLight::Lights) && self.direct_pass.is_none() {
+            return Err(RelightError::NoScene);
+        }
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.begin_frame();
+        }
+        if matches!(direct, DirectLight::Lights) && self.lights_changed {
+            self.encode_lights(encoder);
         }
         if self.must_clear {
             for page in &self.pages {
@@ -274,7 +337,7 @@ impl Relighter {
         let bounces = if from_host { 1 } else { self.options.bounces };
         for _ in 0..bounces {
             self.pass(encoder, "direct_lightmap", |this, pass| match direct {
-                DirectLight::Irradiance => this.direct_lightmap.encode(pass),
+                DirectLight::Lights | DirectLight::Irradiance => this.direct_lightmap.encode(pass),
                 DirectLight::Texture(view) => this.direct_lightmap.encode_host_map(
                     &this.device,
                     pass,
@@ -296,6 +359,21 @@ impl Relighter {
         Ok(())
     }
 
+    /// Shadow maps and direct irradiance.
+    fn encode_lights(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let Some(direct_pass) = &mut self.direct_pass else { return };
+        let mut spans = [None; 2];
+        if let Some(timestamps) = &mut self.timestamps {
+            spans = ["shadow_map", "direct_irradiance"].map(|name| timestamps.reserve(name));
+        }
+        let query_set = self.timestamps.as_ref().map(Timestamps::queries);
+        let [shadow_maps, irradiance] =
+            spans.map(|span| query_set.zip(span).map(|(queries, (begin, end))| (queries, begin, end)));
+        let timestamps = DirectTimestamps { shadow_maps, irradiance };
+        direct_pass.encode(&self.device, &self.queue, encoder, &self.lights, timestamps);
+        self.lights_changed = false;
+    }
+
     /// One compute pass with its name and its time.
     fn pass(
         &mut self,
@@ -303,9 +381,9 @@ impl Relighter {
         name: &'static str,
         record: impl FnOnce(&Self, &mut wgpu::ComputePass<'_>),
     ) {
-        let mut timestamps = self.timestamps.take();
-        let span = timestamps.as_mut().and_then(|timestamps| timestamps.span(name));
-        let timestamp_writes = span.map(|(query_set, begin, end)| wgpu::ComputePassTimestampWrites {
+        let span = self.timestamps.as_mut().and_then(|timestamps| timestamps.reserve(name));
+        let queries = self.timestamps.as_ref().map(Timestamps::queries);
+        let timestamp_writes = queries.zip(span).map(|(query_set, (begin, end))| wgpu::ComputePassTimestampWrites {
             query_set,
             beginning_of_pass_write_index: Some(begin),
             end_of_pass_write_index: Some(end),
@@ -314,8 +392,6 @@ impl Relighter {
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&label), timestamp_writes });
         record(self, &mut pass);
-        drop(pass);
-        self.timestamps = timestamps;
     }
 
     /// Gathers since the last reset.
@@ -421,6 +497,7 @@ impl Relighter {
         ];
         memory.extend_from_slice(self.probe_relight.memory());
         memory.extend(self.direct_lightmap.memory());
+        memory.extend(self.direct_pass.iter().flat_map(DirectPass::memory));
         memory.push(("light map", texture(&self.light_map.texture)));
         memory.push(("irradiance map", texture(&self.maps.irradiance)));
         memory.push(("radiance map", texture(&self.maps.radiance)));

@@ -71,14 +71,18 @@ impl Timestamps {
         }
     }
 
-    /// Queries of the next pass: its begin and end index.
-    pub(crate) fn span(&mut self, name: &'static str) -> Option<(&wgpu::QuerySet, u32, u32)> {
+    /// Begin and end query of the next pass.
+    pub(crate) fn reserve(&mut self, name: &'static str) -> Option<(u32, u32)> {
         let index = self.spans.len() as u32;
         if self.state.load(Ordering::Acquire) != IDLE || index == MAX_SPANS {
             return None;
         }
         self.spans.push(name);
-        Some((&self.queries, 2 * index, 2 * index + 1))
+        Some((2 * index, 2 * index + 1))
+    }
+
+    pub(crate) fn queries(&self) -> &wgpu::QuerySet {
+        &self.queries
     }
 
     /// Ends a frame.

@@ -16,6 +16,7 @@ const SINGLE: RelighterOptions = RelighterOptions {
     irradiance_map: MapPrecision::Single,
     bounces: 1,
     feedback_albedo_cap: 0.95,
+    direct: DirectOptions { shadow_map_size: 256, shadow_layers: 6 },
 };
 
 /// Random surface that covers about two thirds of the texels.
@@ -276,7 +277,8 @@ fn materials_replace_albedo_and_emission() {
     let base = surface(8, 5);
     let material: Vec<u32> = base.index.iter().map(|texel| texel % 3).collect();
     let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
-    gpu.upload_surface(&Surface { material: &material, ..Surface::of_texels(&base) });
+    let direct = zeros(&device, "direct", base.len() as u64 * 16);
+    gpu.upload_surface(&Surface { material: &material, ..Surface::of_texels(&base) }, direct);
     gpu.set_direct(&base.direct).unwrap();
     let overrides = [
         MaterialOverride { albedo: Some(Vec3::new(0.25, 0.5, 2.0)), emission: None },
@@ -448,4 +450,79 @@ fn inputs_that_do_not_fit_are_refused() {
     assert!(matches!(gpu.set_sky(&[Vec3::NAN; 4], &[]), Err(RelightError::NotFinite { index: 0, .. })));
     let cap = RelighterOptions { feedback_albedo_cap: 1.5, ..SINGLE };
     assert!(matches!(Relighter::new(&device, &queue, arrays.view(), cap), Err(RelightError::AlbedoCap { .. })));
+}
+
+/// A floor of 8 x 8 texels, 4 metres wide, with a roof of one triangle over one corner.
+fn lit_floor() -> (SceneTexels, ShadowCasters) {
+    let place = |texel: u32| Vec3::new((texel % 8) as f32 / 2.0 - 1.75, 0.0, (texel / 8) as f32 / 2.0 - 1.75);
+    let n = 64;
+    let texels = SceneTexels {
+        size: 8,
+        index: (0..64).collect(),
+        position: (0..64).map(place).collect(),
+        normal: vec![Vec3::Y; n],
+        geometric_normal: vec![Vec3::Y; n],
+        albedo: vec![Vec3::splat(0.5); n],
+        emission: vec![Vec3::ZERO; n],
+        material: vec![0; n],
+    };
+    let casters = ShadowCasters {
+        positions: vec![Vec3::new(-6.0, 1.0, -6.0), Vec3::new(-6.0, 1.0, 6.3), Vec3::new(6.3, 1.0, -6.0)],
+        triangles: vec![[0, 1, 2]],
+        masks: None,
+    };
+    (texels, casters)
+}
+
+#[test]
+fn lights_shine_through_shadow_maps_into_the_probes() {
+    let Some((device, queue)) = device("lights_shine_through_shadow_maps_into_the_probes") else { return };
+    let arrays = test_bake::random(2, 0, 1);
+    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut encoder = device.create_command_encoder(&Default::default());
+    assert_eq!(gpu.encode(&mut encoder, &DirectLight::Lights), Err(RelightError::NoScene));
+
+    let (texels, casters) = lit_floor();
+    gpu.set_scene(&texels, &casters).unwrap();
+    let sun = Light {
+        name: String::new(),
+        kind: localprt_scenes::LightKind::Directional,
+        position: Vec3::ZERO,
+        direction: Vec3::NEG_Y,
+        color: Vec3::new(1.0, 0.5, 0.25),
+        intensity: 8.0,
+        range: None,
+    };
+    let lamp = Light { kind: localprt_scenes::LightKind::Point, position: Vec3::new(1.0, 2.0, 1.0), ..sun.clone() };
+    // Lights on, changed, off.
+    for lights in [vec![sun.clone()], vec![sun, lamp], vec![]] {
+        gpu.set_lights(&lights);
+        gpu.reset();
+        frame(&mut gpu, &DirectLight::Lights);
+        let direct = crate::passes::direct_irradiance::direct_irradiance(&texels, &casters, &lights, 256);
+        let n_shadowed = direct.iter().filter(|value| **value == Vec3::ZERO).count();
+        let expected = if lights.len() == 1 {
+            8..60
+        } else if lights.is_empty() {
+            64..65
+        } else {
+            0..60
+        };
+        assert!(expected.contains(&n_shadowed), "{n_shadowed} texels in shadow of {} lights", lights.len());
+        let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+        cpu.step(&RelightInputs::new(&texels.shaded(&[], None, direct))).unwrap();
+        if lights.is_empty() {
+            assert!(gpu.read_coefficients().unwrap().iter().all(|value| *value == Vec3::ZERO));
+        } else {
+            // Shadow edges of the two rasterizers agree here: no texel center lies on one.
+            assert_passes_agree(&gpu, &cpu, 1e-4);
+        }
+    }
+    // Unchanged lights are not drawn again.
+    if device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+        gpu.wait_for_pass_times();
+        frame(&mut gpu, &DirectLight::Lights);
+        let times = gpu.wait_for_pass_times().expect("times");
+        assert!(times.iter().all(|time| time.name != "shadow_map"), "{times:?}");
+    }
 }

@@ -19,6 +19,8 @@ const WORKGROUP_SIZE: u32 = 64;
 /// Position and two normals.
 const FLOATS_PER_TEXEL: u64 = 9;
 const IRRADIANCE_BYTES: u64 = 16;
+/// Position and two normals of a texel.
+const TEXEL_BYTES: u64 = 36;
 
 /// Sizes of the shadow maps; the depth texture takes `4 * shadow_map_size^2 * shadow_layers` bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,6 +96,7 @@ struct LightBatch {
 
 struct TexelBuffers {
     irradiance: wgpu::Buffer,
+    n_texels: usize,
     /// Bind group and number of texels of each page.
     pages: Vec<(wgpu::BindGroup, u32)>,
 }
@@ -111,14 +114,14 @@ impl DirectPass {
         let batches = batch_buffer(device, 1);
         let lights = light_buffer(device, 1);
         let batch_group = batch_group(device, &batch_layout, &batches, &lights, &shadow);
-        let texels = TexelBuffers { irradiance: irradiance_buffer(device, 0), pages: Vec::new() };
+        let texels = TexelBuffers { irradiance: irradiance_buffer(device, 0), n_texels: 0, pages: Vec::new() };
         Self { shadow, pipeline, batch_layout, page_layout, texels, batches, lights, batch_group }
     }
 
     /// Uploads surfaces and casters; replaces those before, and the irradiance buffer.
     ///
     /// # Errors
-    /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`], and [`RelightError::DeviceLimit`]. The pass then has
+    /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`], and [`RelightError::Limit`]. The pass then has
     /// no scene or the one before.
     pub fn set_scene(
         &mut self,
@@ -204,6 +207,12 @@ impl DirectPass {
     /// The maps of the last batch, `Depth32Float` with a layer per view: to look at, and for tests.
     pub fn shadow_maps(&self) -> &wgpu::Texture {
         self.shadow.texture()
+    }
+
+    /// Buffers and textures by purpose, bytes.
+    pub(crate) fn memory(&self) -> [(&'static str, u64); 2] {
+        let texels = self.texels.n_texels as u64 * (TEXEL_BYTES + IRRADIANCE_BYTES);
+        [("shadow casters and shadow maps", self.shadow.bytes()), ("texel geometry and direct irradiance", texels)]
     }
 
     fn write(
@@ -307,7 +316,7 @@ impl TexelBuffers {
         let (needed, allowed) = (texels.len() as u64 * IRRADIANCE_BYTES, limits.max_buffer_size);
         if needed > allowed {
             let what = "localprt.direct_irradiance.irradiance";
-            return Err(RelightError::DeviceLimit { what, needed, allowed });
+            return Err(RelightError::Limit { what, needed, allowed });
         }
         let irradiance = irradiance_buffer(device, texels.len());
         let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -338,7 +347,7 @@ impl TexelBuffers {
             });
             pages.push((group, page.len() as u32));
         }
-        Ok(Self { irradiance, pages })
+        Ok(Self { irradiance, n_texels: texels.len(), pages })
     }
 }
 

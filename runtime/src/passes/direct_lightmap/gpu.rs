@@ -16,6 +16,8 @@ pub(crate) struct DirectLightmapPass {
     host_kernel: Kernel,
     pages: Vec<Page>,
     materials: wgpu::Buffer,
+    /// `[n_texels]` vec4f.
+    direct: wgpu::Buffer,
     params: Params,
     n_texels: usize,
 }
@@ -23,8 +25,6 @@ pub(crate) struct DirectLightmapPass {
 struct Page {
     bindings: wgpu::BindGroup,
     params: wgpu::Buffer,
-    direct: wgpu::Buffer,
-    first: usize,
     len: usize,
     groups: Groups,
     bytes: u64,
@@ -80,14 +80,22 @@ impl DirectLightmapPass {
             host_kernel: Kernel::new(device, "host_lightmap", &source(include_str!("host_lightmap.wgsl")), &[]),
             pages: Vec::new(),
             materials: zeros(device, "direct_lightmap.materials", MATERIAL_BYTES as u64),
+            direct: zeros(device, "direct_lightmap.direct", 16),
             params: Params { feedback_albedo_cap, albedo_override: -1.0, ..Params::zeroed() },
             n_texels: 0,
         }
     }
 
-    /// Uploads the facts of a scene, with no direct light.
-    pub(crate) fn set_surface(&mut self, device: &wgpu::Device, surface: &Surface<'_>, maps: &Maps<'_>) {
-        // The widest element is the direct irradiance.
+    /// Uploads the facts of a scene. `direct` is read every gather: irradiance per covered texel, `[n_texels]` vec4f.
+    pub(crate) fn set_surface(
+        &mut self,
+        device: &wgpu::Device,
+        surface: &Surface<'_>,
+        direct: wgpu::Buffer,
+        maps: &Maps<'_>,
+    ) {
+        self.direct = direct;
+        // The widest element is the direct irradiance; pages start at multiples of 256 bytes of it.
         let per_page = (page_bytes(device) / 16) as usize;
         let has_emission = surface.emission.iter().any(|emission| *emission != Vec3::ZERO);
         self.params.size = surface.size;
@@ -116,7 +124,11 @@ impl DirectLightmapPass {
                     storage(device, "direct_lightmap.surface", bytemuck::cast_slice(&packed)),
                     storage(device, "direct_lightmap.emission", bytemuck::cast_slice(emission)),
                 ];
-                let direct = zeros(device, "direct_lightmap.direct", range.len() as u64 * 16);
+                let direct = wgpu::BufferBinding {
+                    buffer: &self.direct,
+                    offset: range.start as u64 * 16,
+                    size: wgpu::BufferSize::new(range.len() as u64 * 16),
+                };
                 let params = uniform(
                     device,
                     "direct_lightmap.params",
@@ -130,14 +142,14 @@ impl DirectLightmapPass {
                         buffers[1].as_entire_binding(),
                         buffers[2].as_entire_binding(),
                         self.materials.as_entire_binding(),
-                        direct.as_entire_binding(),
+                        wgpu::BindingResource::Buffer(direct),
                         wgpu::BindingResource::TextureView(maps.irradiance),
                         wgpu::BindingResource::TextureView(maps.light_map_level_0),
                     ],
                 );
-                let bytes = buffers.iter().map(wgpu::Buffer::size).sum::<u64>() + direct.size();
+                let bytes = buffers.iter().map(wgpu::Buffer::size).sum::<u64>();
                 let groups = Groups::new(device, range.len().div_ceil(64) as u64);
-                Page { bindings, params, direct, first, len: range.len(), groups, bytes }
+                Page { bindings, params, len: range.len(), groups, bytes }
             })
             .collect();
     }
@@ -170,11 +182,8 @@ impl DirectLightmapPass {
 
     /// Irradiance straight from punctual lights, one value per covered texel.
     pub(crate) fn set_direct(&self, queue: &wgpu::Queue, direct: &[Vec3]) {
-        for page in &self.pages {
-            let padded: Vec<[f32; 4]> =
-                direct[page.first..page.first + page.len].iter().map(|value| value.extend(0.0).to_array()).collect();
-            queue.write_buffer(&page.direct, 0, bytemuck::cast_slice(&padded));
-        }
+        let padded: Vec<[f32; 4]> = direct.iter().map(|value| value.extend(0.0).to_array()).collect();
+        queue.write_buffer(&self.direct, 0, bytemuck::cast_slice(&padded));
     }
 
     /// Covered texels of the scene.

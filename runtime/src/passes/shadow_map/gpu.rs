@@ -178,6 +178,14 @@ impl ShadowMapPass {
         &self.maps
     }
 
+    /// Of casters and maps.
+    pub fn bytes(&self) -> u64 {
+        let casters = [&self.casters.positions, &self.casters.indices, &self.casters.masked];
+        let size = self.texture.size();
+        casters.map(wgpu::Buffer::size).into_iter().sum::<u64>()
+            + 4 * u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers)
+    }
+
     /// The views of the last [`ShadowMapPass::write_views`].
     pub fn views(&self) -> &wgpu::Buffer {
         &self.views
@@ -337,7 +345,7 @@ pub(crate) fn filled_buffer(
 ) -> Result<wgpu::Buffer, RelightError> {
     let (needed, allowed) = (contents.len() as u64, device.limits().max_buffer_size);
     if needed > allowed {
-        return Err(RelightError::DeviceLimit { what: label, needed, allowed });
+        return Err(RelightError::Limit { what: label, needed, allowed });
     }
     let contents = if contents.is_empty() { &[0; 16] } else { contents };
     Ok(device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage }))
@@ -417,7 +425,7 @@ fn mask_pages(device: &wgpu::Device, masks: &CasterMasks) -> Result<Vec<MaskPage
     for (index, image) in masks.images.iter().enumerate() {
         let needed = image.alpha.len() as u64;
         if needed > allowed {
-            return Err(RelightError::DeviceLimit { what: "the alpha of an image", needed, allowed });
+            return Err(RelightError::Limit { what: "the alpha of an image", needed, allowed });
         }
         match pages.last_mut() {
             Some(page) if page_bytes + needed <= allowed => page.images.end = index + 1,
