@@ -7,8 +7,8 @@ use crate::{
     rays::RayCaster,
 };
 use glam::Vec3;
-use localprt_formats::{BakedView, sh};
-use localprt_runtime::{SceneTexels, SurfaceTexels};
+use localprt_formats::BakedView;
+use localprt_runtime::{SceneTexels, SurfaceTexels, sky_sh};
 use localprt_scenes::{Light, Lighting, Material, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use rayon::prelude::*;
 
@@ -116,17 +116,8 @@ pub fn sky_inputs(sky: &Sky, baked: &BakedView<'_>) -> SkyInputs {
     if sky.is_black() {
         return SkyInputs::default();
     }
-    let basis = sh::Basis::new(baked.metadata.sky_degree);
-    let mut sums = vec![glam::DVec3::ZERO; basis.len()];
-    let mut values = vec![0.0; basis.len()];
-    for (dir, solid_angle, radiance) in sky.quadrature() {
-        basis.evaluate(dir.to_array(), &mut values);
-        for (sum, value) in sums.iter_mut().zip(&values) {
-            *sum += radiance.as_dvec3() * f64::from(solid_angle * value);
-        }
-    }
     SkyInputs {
-        sh: sums.into_iter().map(|sum| sum.as_vec3()).collect(),
+        sh: sky_sh(sky, baked.metadata.sky_degree),
         rays: baked.ray_dirs.iter().map(|&[x, y, z, _]| sky.radiance(Vec3::new(x, y, z))).collect(),
     }
 }

@@ -173,3 +173,47 @@ fn an_interrupt_stops_cleanly() {
         std::fs::read_dir(folder.path()).expect("list").flatten().map(|entry| entry.file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().contains(".tmp")), "{left:?}");
 }
+
+/// Mean irradiance of a lighting state, or the exit code where it is refused.
+fn mean_irradiance(folder: &Path, more: &[&str], hide_gpus: bool) -> Result<f64, i32> {
+    let mut command = command(&[&["relight", "a.lprt", "--bounces", "2", "--json", "-"], more].concat(), folder);
+    if hide_gpus {
+        // A list of drivers without one: no Vulkan adapter. Other platforms have other ways to find theirs.
+        command.env("VK_DRIVER_FILES", "none.json").env("VK_ICD_FILENAMES", "none.json");
+    }
+    let output = command.output().expect("the program starts");
+    match output.status.code() {
+        Some(0) => Ok(json(&output.stdout)["irradiance"]["mean"][0].as_f64().expect("a mean")),
+        code => {
+            assert!(text(&output.stderr).contains("GPU"), "{}", text(&output.stderr));
+            Err(code.expect("an exit code"))
+        }
+    }
+}
+
+#[test]
+fn the_gpu_and_shadow_maps_give_the_same_light() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    bake(folder, &[]);
+    let traced = mean_irradiance(folder, &[], false).expect("the CPU is always there");
+    let close = |found: f64, tolerance: f64| assert!((found / traced - 1.0).abs() < tolerance, "{found} for {traced}");
+    // Shadow edges are one of 2048 texels wide, and few of the 64 x 64 texels of the direct map lie on one.
+    close(mean_irradiance(folder, &["--direct", "shadow-map"], false).expect("on the CPU"), 0.02);
+    match mean_irradiance(folder, &["--backend", "gpu"], false) {
+        Ok(mean) => {
+            close(mean, 1e-4);
+            let both = &["--backend", "gpu", "--direct", "shadow-map"];
+            close(mean_irradiance(folder, both, false).expect("an adapter as before"), 0.02);
+        }
+        Err(code) => {
+            assert!(std::env::var_os("REQUIRE_GPU").is_none(), "no GPU adapter");
+            eprintln!("SKIPPED the_gpu_and_shadow_maps_give_the_same_light: no GPU adapter");
+            assert_eq!(code, 5);
+        }
+    }
+    if cfg!(target_os = "linux") {
+        assert_eq!(mean_irradiance(folder, &["--backend", "gpu"], true), Err(5));
+        assert!(mean_irradiance(folder, &[], true).is_ok());
+    }
+}

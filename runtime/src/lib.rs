@@ -12,6 +12,7 @@ pub mod passes;
 mod relighter;
 #[cfg(feature = "gpu")]
 mod shaders;
+mod sky;
 pub mod surface;
 #[cfg(feature = "gpu")]
 mod transport_pages;
@@ -34,4 +35,5 @@ pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};
+pub use sky::sky_sh;
 pub use surface::SceneTexels;

@@ -24,6 +24,8 @@ use std::time::Instant;
 #[cfg(feature = "gpu")]
 #[path = "relight_gpu.rs"]
 mod relight_gpu;
+#[cfg(feature = "gpu")]
+use relight_gpu::Source;
 
 /// Texels per side of shadow maps: as many as the direct light map has by default.
 const SHADOW_MAP_SIZE: u32 = 2048;
@@ -103,23 +105,31 @@ pub fn light(
     let stage = progress.stage("direct light", 0);
     let scene = caster.scene();
     let texels = scene_texels(scene, &Atlas::of(scene), &view);
+    let overrides = material_overrides(scene, lighting);
+    let sky = sky_inputs(&lighting.sky, &view);
+    #[cfg(feature = "gpu")]
+    if let (Some(gpu), Direct::ShadowMap) = (&gpu, how.direct) {
+        drop(stage);
+        let source =
+            Source::ShadowMaps { texels: &texels, casters: &ShadowCasters::of_scene(scene), lighting, overrides };
+        return relight_gpu::light(gpu, view, &source, &sky.sh, how.bounces, progress);
+    }
     let direct = match how.direct {
         Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
         Direct::ShadowMap => {
             shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
         }
     };
-    let surface = texels.shaded(&material_overrides(scene, lighting), lighting.albedo_override, direct);
-    let sky = sky_inputs(&lighting.sky, &view);
+    let surface = texels.shaded(&overrides, lighting.albedo_override, direct);
     drop(stage);
     progress.check()?;
+    #[cfg(feature = "gpu")]
+    if let Some(gpu) = gpu {
+        return relight_gpu::light(&gpu, view, &Source::Surface(&surface), &sky.sh, how.bounces, progress);
+    }
     let inputs =
         RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces: how.bounces, ..RelightInputs::new(&surface) };
     let stage = progress.stage("bounces", how.bounces.into());
-    #[cfg(feature = "gpu")]
-    if let Some(gpu) = gpu {
-        return relight_gpu::light(&gpu, view, &inputs, progress, &stage);
-    }
     let mut relighter = CpuRelighter::new(view).map_err(refused)?;
     for _ in 0..how.bounces {
         progress.check()?;

@@ -1,42 +1,74 @@
 //! `relight --backend gpu`: the same gathers in compute shaders.
 
-use super::refused;
+use super::{SHADOW_MAP_SIZE, refused};
+use glam::Vec3;
 use localprt_formats::BakedView;
 use localprt_precompute::error::CommandError;
-use localprt_precompute::progress::{Progress, StageGuard};
+use localprt_precompute::progress::Progress;
 use localprt_runtime::{
-    CheckedBake, DirectLight, MapPrecision, RelightInputs, Relighter, RelighterOptions, Relit, gpu::headless,
+    CheckedBake, DirectLight, DirectOptions, MapPrecision, Relighter, RelighterOptions, Relit, SceneTexels,
+    ShadowCasters, SurfaceTexels, gpu::headless,
 };
+use localprt_scenes::{Lighting, MaterialOverride};
 
 /// A GPU and its queue.
 pub type Gpu = (wgpu::Device, wgpu::Queue);
+
+/// Where direct light comes from.
+pub enum Source<'a> {
+    /// Computed before, on the CPU.
+    Surface(&'a SurfaceTexels),
+    /// Shadow maps on the GPU.
+    ShadowMaps {
+        texels: &'a SceneTexels,
+        casters: &'a ShadowCasters,
+        lighting: &'a Lighting,
+        overrides: Vec<MaterialOverride>,
+    },
+}
 
 /// The fastest adapter of this machine.
 pub fn device() -> Result<Gpu, CommandError> {
     pollster::block_on(headless()).map_err(refused)
 }
 
-/// Indirect light after `inputs.bounces` gathers from darkness.
+/// Indirect light after so many gathers from darkness.
 pub fn light(
     (device, queue): &Gpu,
     view: BakedView<'_>,
-    inputs: &RelightInputs<'_>,
+    source: &Source<'_>,
+    sky_sh: &[Vec3],
+    bounces: u32,
     progress: &Progress,
-    stage: &StageGuard<'_>,
 ) -> Result<Relit, CommandError> {
     // A tool wants figures, not speed.
     let options = RelighterOptions {
         light_map: MapPrecision::Single,
         irradiance_map: MapPrecision::Single,
+        direct: DirectOptions { shadow_map_size: SHADOW_MAP_SIZE, ..DirectOptions::default() },
         ..RelighterOptions::default()
     };
+    let stage = progress.stage("upload", 0);
     let mut relighter = Relighter::new(device, queue, view, options).map_err(refused)?;
-    relighter.set_surface(inputs.surface).map_err(refused)?;
-    relighter.set_sky(inputs.sky_sh, &[]).map_err(refused)?;
-    for _ in 0..inputs.bounces {
+    let direct = match source {
+        Source::Surface(surface) => {
+            relighter.set_surface(surface).map_err(refused)?;
+            DirectLight::Irradiance
+        }
+        Source::ShadowMaps { texels, casters, lighting, overrides } => {
+            relighter.set_scene(texels, casters).map_err(refused)?;
+            relighter.set_materials(overrides, lighting.albedo_override).map_err(refused)?;
+            relighter.set_lights(&lighting.lights);
+            DirectLight::Lights
+        }
+    };
+    relighter.set_sky(sky_sh, &[]).map_err(refused)?;
+    drop(stage);
+    let stage = progress.stage("bounces", bounces.into());
+    for _ in 0..bounces {
         progress.check()?;
         let mut encoder = device.create_command_encoder(&Default::default());
-        relighter.encode(&mut encoder, &DirectLight::Irradiance).map_err(refused)?;
+        relighter.encode(&mut encoder, &direct).map_err(refused)?;
         queue.submit([encoder.finish()]);
         stage.inc(1);
     }
