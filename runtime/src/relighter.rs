@@ -15,7 +15,7 @@ use crate::passes::shadow_map::ShadowCasters;
 use crate::surface::SceneTexels;
 use crate::transport_pages::{self, TransportPage};
 use glam::Vec3;
-use localprt_formats::BakedView;
+use localprt_formats::{BakedView, MAX_LEVEL};
 use localprt_scenes::{Light, MaterialOverride};
 
 /// Precision in which a map is stored.
@@ -114,6 +114,8 @@ struct Sizes {
     n_rays: usize,
     n_k: usize,
     has_distances: bool,
+    /// Relight rays that read the light map.
+    n_light_map_rays: u64,
 }
 
 impl Relighter {
@@ -156,6 +158,7 @@ impl Relighter {
                 n_sky: metadata.n_sky(),
                 n_rays: baked.n_rays(),
                 n_k: baked.n_k(),
+                n_light_map_rays: baked.view().ray_level.iter().filter(|level| **level <= MAX_LEVEL).count() as u64,
                 has_distances: !baked.ray_distance().is_empty(),
             },
             probe_relight,
@@ -472,6 +475,42 @@ impl Relighter {
     fn read_colors(&self, buffer: &wgpu::Buffer) -> Result<Vec<Vec3>, RelightError> {
         let bytes = readback::buffer(&self.device, &self.queue, buffer)?;
         Ok(bytes.chunks_exact(16).map(|color| bytemuck::pod_read_unaligned(&color[..12])).collect())
+    }
+
+    /// Bytes that the passes of one gather have to move, each array once however often caches are missed: what their
+    /// times are to be measured against. Relight rays count all four texels that they read.
+    pub fn traffic(&self) -> Vec<(&'static str, u64)> {
+        let pages = |size: fn(&TransportPage) -> u64| self.pages.iter().map(size).sum::<u64>();
+        let texel = |texture: &wgpu::Texture| u64::from(texture.format().block_copy_size(None).unwrap_or(16));
+        let size = u64::from(self.sizes.direct_size);
+        let light_map_texel = texel(&self.light_map.texture);
+        let irradiance_map = u64::from(self.sizes.lightmap_size).pow(2) * texel(&self.maps.irradiance);
+        let lights = pages(|page| page.cluster_lights.size());
+        let coefficients = pages(|page| page.coefficients.size());
+        let n_fills = self.gutter_dilation.n_fills();
+        let lookups = 4 * light_map_texel * self.sizes.n_light_map_rays;
+        vec![
+            ("direct_lightmap", self.direct_lightmap.traffic(light_map_texel) + irradiance_map),
+            // Every level but the last is read; every level but the first is written.
+            ("lightmap_mips", size * size * light_map_texel * 5 / 3),
+            ("probe_relight", self.probe_relight.traffic() + lookups),
+            (
+                "cluster_projection",
+                pages(|page| page.projection.size() + page.clusters.size() + page.cluster_probes.size())
+                    + self.probe_relight.probe_radiance.size()
+                    + lights,
+            ),
+            (
+                "receiver_reconstruction",
+                pages(|page| page.reconstruction.size() + page.clusters.size() + page.receiver_cluster.size())
+                    + lights
+                    + coefficients,
+            ),
+            (
+                "gutter_dilation",
+                self.gutter_dilation.bytes() + n_fills * (16 * self.sizes.n_k as u64 + texel(&self.maps.irradiance)),
+            ),
+        ]
     }
 
     /// Device memory by purpose, bytes.

@@ -1,7 +1,10 @@
 //! What every pass needs of wgpu: labelled buffers and pipelines, dispatches of any size, limits.
 
+mod copy_bandwidth;
 pub mod readback;
 mod timestamps;
+
+pub use copy_bandwidth::copy_bandwidth;
 
 pub use timestamps::PassTime;
 pub(crate) use timestamps::Timestamps;

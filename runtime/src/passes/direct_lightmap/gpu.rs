@@ -213,6 +213,12 @@ impl DirectLightmapPass {
         self.host_kernel.dispatch(pass, &bindings, Groups::square(size, 8));
     }
 
+    /// Bytes read and written per gather, but for the irradiance map.
+    pub(crate) fn traffic(&self, light_map_texel_bytes: u64) -> u64 {
+        let pages: u64 = self.pages.iter().map(|page| page.bytes).sum();
+        pages + self.n_texels as u64 * (16 + light_map_texel_bytes)
+    }
+
     /// Buffers by name with their bytes.
     pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
         let total: u64 = self.pages.iter().map(|page| page.bytes).sum();

@@ -46,6 +46,7 @@ pub(crate) struct GutterDilationPass {
     kernel: Kernel,
     pages: Vec<(wgpu::BindGroup, Groups)>,
     bytes: u64,
+    n_fills: u64,
 }
 
 impl GutterDilationPass {
@@ -61,7 +62,7 @@ impl GutterDilationPass {
         let source = shaders::source_with_format(&text, maps.irradiance.format());
         let kernel = Kernel::new(device, "gutter_dilation", &source, &[("N_K", n_k as f64)]);
         let per_binding = (page_bytes(device) / 8).max(1) as usize;
-        let mut bytes = 0;
+        let (mut bytes, mut n_fills) = (0, 0);
         let mut bound = Vec::new();
         for (page, fills) in pages.iter().zip(fills_of_pages(baked, pages)) {
             let normals: &[[f32; 3]] = if n_k == 4 { &view.receiver_normal[page.receivers.clone()] } else { &[] };
@@ -73,6 +74,7 @@ impl GutterDilationPass {
                 let params =
                     uniform(device, "gutter_dilation.params", bytemuck::cast_slice(&[fills.len() as u32, size, 0, 0]));
                 bytes += buffer.size();
+                n_fills += fills.len() as u64;
                 let bindings = kernel.bind(
                     device,
                     &[
@@ -87,13 +89,18 @@ impl GutterDilationPass {
                 bound.push((bindings, Groups::new(device, fills.len().div_ceil(64) as u64)));
             }
         }
-        Self { kernel, pages: bound, bytes }
+        Self { kernel, pages: bound, bytes, n_fills }
     }
 
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         for (bindings, groups) in &self.pages {
             self.kernel.dispatch(pass, bindings, *groups);
         }
+    }
+
+    /// Texels that are written.
+    pub(crate) fn n_fills(&self) -> u64 {
+        self.n_fills
     }
 
     pub(crate) fn bytes(&self) -> u64 {

@@ -210,6 +210,15 @@ impl ProbeRelightPass {
         }
     }
 
+    /// Bytes read and written per gather, but for the light map: rays, SH table, partial sums both ways, radiance.
+    pub(crate) fn traffic(&self) -> u64 {
+        let bytes = |name| self.memory.iter().find(|(found, _)| *found == name).map_or(0, |(_, bytes)| *bytes);
+        bytes("relight SH table and directions")
+            + bytes("relight rays")
+            + 2 * bytes("relight partial sums")
+            + self.probe_radiance.size()
+    }
+
     pub(crate) fn memory(&self) -> &[(&'static str, u64)] {
         &self.memory
     }
