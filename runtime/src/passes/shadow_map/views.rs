@@ -79,7 +79,7 @@ fn parallel(forward: Vec3, bounds: &CasterBounds, map_size: u32) -> ShadowView {
     let origin = (bounds.low + bounds.high) / 2.0;
     let half = (bounds.high - bounds.low) / 2.0;
     // Half the box' extent along an axis, never 0.
-    let pad = bounds.rounding_m().max(f32::MIN_POSITIVE);
+    let pad = rounding_or_one(bounds);
     let reach = |axis: Vec3| axis.abs().dot(half) + pad;
     let inner = inner_share(map_size);
     let range = 2.0 * reach(forward);
@@ -103,7 +103,7 @@ fn perspective(
     bounds: &CasterBounds,
     map_size: u32,
 ) -> ShadowView {
-    let near = if bounds.rounding_m() > 0.0 { bounds.rounding_m() } else { 1.0 };
+    let near = rounding_or_one(bounds);
     ShadowView {
         origin,
         right,
@@ -113,6 +113,11 @@ fn perspective(
         depth: Vec2::new(near, 0.0),
         w: Vec2::new(0.0, 1.0),
     }
+}
+
+/// A positive length within rounding; any will do where there is nothing to see.
+fn rounding_or_one(bounds: &CasterBounds) -> f32 {
+    if bounds.rounding_m() > 0.0 { bounds.rounding_m() } else { 1.0 }
 }
 
 /// Share of the map's width within the border.
