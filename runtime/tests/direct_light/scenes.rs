@@ -1,7 +1,6 @@
 //! Surfaces and lights to test with, and shadows traced by brute force.
 
 use glam::{DVec3, Vec2, Vec3};
-use localprt_formats::directions::counter_uniform;
 use localprt_runtime::passes::shadow_map::NO_MASK;
 use localprt_runtime::{AlphaImage, AlphaMask, CasterMasks, SceneTexels, ShadowCasters};
 use localprt_scenes::{Light, LightKind, Wrap};
@@ -118,7 +117,10 @@ pub fn box_on_a_floor(n: u32) -> TestScene {
 
 /// Eight upright sheets side by side, each with another mask over two images of noise, before a light at the origin. The
 /// images have 40 000 texels each.
+#[cfg(feature = "gpu")]
 pub fn masked_sheets() -> TestScene {
+    use localprt_formats::directions::counter_uniform;
+
     let mut scene = TestScene::default();
     let mut masks = CasterMasks {
         images: (0..2)
