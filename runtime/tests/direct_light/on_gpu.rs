@@ -1,7 +1,8 @@
 //! The GPU against the twins. Without a Vulkan adapter these tests say so and pass, unless `REQUIRE_GPU=1` is set.
 
-use crate::scenes::{TestScene, box_below_a_screen, light, lights};
+use crate::scenes::{TestScene, box_below_a_screen, light, lights, masked_sheets};
 use glam::Vec3;
+use localprt_runtime::ShadowCasters;
 use localprt_runtime::passes::direct_irradiance::{
     DirectOptions, DirectPass, DirectTimestamps, add_light, direct_irradiance,
 };
@@ -120,29 +121,65 @@ fn maps_of_the_gpu_are_those_of_the_twin() {
     let views: Vec<_> = lights().iter().flat_map(|light| shadow_views(light, &bounds, MAP_SIZE)).collect();
     let maps = gpu.shadow_maps(&pass);
     assert_eq!(maps.len(), views.len());
+    let mut n_all_covered = 0;
     for (index, (view, found)) in views.iter().zip(&maps).enumerate() {
         let expected = shadow_map(view, &scene.casters, MAP_SIZE);
         let n_covered = expected.depth.iter().filter(|depth| **depth > 0.0).count();
+        n_all_covered += n_covered;
         let width = MAP_SIZE as usize;
         let (mut n_different, mut n_unexplained) = (0, 0);
         for (texel, (&found, &expected_depth)) in found.depth.iter().zip(&expected.depth).enumerate() {
-            if (found - expected_depth).abs() <= 1e-5 * expected_depth {
+            let (x, y) = (texel % width, texel / width);
+            let at = |x: usize, y: usize| expected.depth[y.min(width - 1) * width + x.min(width - 1)];
+            let neighbors = [at(x + 1, y), at(x.saturating_sub(1), y), at(x, y + 1), at(x, y.saturating_sub(1))];
+            let steps = neighbors.map(|depth| (depth - expected_depth).abs());
+            // Rasterisers may snap corners to 1 / 256 texel before they interpolate, which moves a surface by up to
+            // half of that in x and y, and so its depth by that part of its change to the next texel. And f32
+            // planes over 512 texels: 512 * 2^-24 = 3e-5 of that change, less than 1 / 256.
+            let slope = steps.iter().copied().fold(0.0, f32::max);
+            if (found - expected_depth).abs() <= 1e-6 * expected_depth + slope / 128.0 {
                 continue;
             }
             n_different += 1;
-            // Points of a triangle move by at most 1 / 256 texel between two roundings of its corners, so that depth may
-            // change by that part of its change from texel to texel; at silhouettes that change is the whole step.
-            let (x, y) = (texel % width, texel / width);
-            let around = |x: usize, y: usize| expected.depth[y.min(width - 1) * width + x.min(width - 1)];
-            let neighbors =
-                [around(x + 1, y), around(x.saturating_sub(1), y), around(x, y + 1), around(x, y.saturating_sub(1))];
-            let step = neighbors.iter().map(|depth| (depth - expected_depth).abs()).fold(0.0, f32::max);
-            let is_silhouette = neighbors.iter().any(|depth| (depth - found).abs() <= 0.05 * step);
-            n_unexplained += usize::from((found - expected_depth).abs() > step * 2.0 / 256.0 && !is_silhouette);
+            // An edge may pass on the other side of a texel's center: it then has a neighbor's surface.
+            let of_neighbor = |(depth, step): (&f32, &f32)| (depth - found).abs() <= 0.1 * step;
+            n_unexplained += usize::from(!neighbors.iter().zip(&steps).any(of_neighbor));
         }
-        println!("view {index}: {n_different} of {n_covered} covered texels differ, {n_unexplained} unexplained");
+        let share = n_different as f64 / n_covered.max(1) as f64;
+        println!(
+            "view {index}: {n_different} of {n_covered} covered texels differ ({share:.1e}), {n_unexplained} unexplained"
+        );
         assert_eq!(n_unexplained, 0, "view {index}");
-        assert!(n_different * 200 <= n_covered, "view {index}: {n_different} of {n_covered}");
+        // Seen: 3 of 153280. A center is within 1 / 256 texel of an edge once in 128 texels of silhouette.
+        assert!(n_different * 2000 <= n_covered, "view {index}: {n_different} of {n_covered}");
+    }
+    assert!(n_all_covered > 100_000, "{n_all_covered}");
+}
+
+#[test]
+fn masks_of_the_gpu_are_those_of_the_twin() {
+    let test = "masks_of_the_gpu_are_those_of_the_twin";
+    // One image to a page.
+    let small = wgpu::Limits { max_storage_buffer_binding_size: 1 << 16, ..wgpu::Limits::default() };
+    let (Some(large), Some(small)) = (gpu(test), Gpu::new(test, small, wgpu::Features::empty())) else { return };
+    let scene = masked_sheets();
+    let kind = LightKind::Spot { inner_cone: 0.0, outer_cone: 0.8 };
+    let light = Light { position: Vec3::ZERO, direction: Vec3::NEG_Z, ..light(kind) };
+    let view = shadow_views(&light, &scene.casters.bounds(), MAP_SIZE)[0];
+    let expected = shadow_map(&view, &scene.casters, MAP_SIZE);
+    let solid = shadow_map(&view, &ShadowCasters { masks: None, ..scene.casters.clone() }, MAP_SIZE);
+    let covered = |map: &ShadowMap| map.depth.iter().filter(|depth| **depth > 0.0).count();
+    assert!(covered(&expected) * 4 > covered(&solid) && covered(&expected) * 4 < covered(&solid) * 3);
+    for gpu in [large, small] {
+        let mut pass = gpu.pass(&scene, MAP_SIZE, 6);
+        gpu.irradiance(&mut pass, &scene, std::slice::from_ref(&light));
+        let found = &gpu.shadow_maps(&pass)[0];
+        let pairs = || found.depth.iter().zip(&expected.depth);
+        let n_different = pairs().filter(|(found, expected)| (**found > 0.0) != (**expected > 0.0)).count();
+        println!("{n_different} of {} covered texels differ", covered(&solid));
+        // Coordinates differ by roundings, and by 1 / 256 texel where corners are snapped before interpolation; borders of
+        // holes pass within that of a texel's center once in 128 of their texels.
+        assert!(n_different * 1000 <= covered(&solid), "{n_different} of {}", covered(&solid));
     }
 }
 
@@ -230,8 +267,12 @@ fn surfaces_without_casters_are_lit() {
     let mut scene = TestScene::default();
     scene.quad([Vec3::Z, Vec3::X + Vec3::Z, Vec3::X, Vec3::ZERO], 4);
     scene.casters = Default::default();
-    let found = gpu.irradiance(&mut gpu.pass(&scene, 64, 6), &scene, &lights());
-    let expected = direct_irradiance(&scene.texels, &scene.casters, &lights(), 64);
+    let mut lights = lights().to_vec();
+    // Below the surface's horizon, but not below that of all shading normals.
+    let from_below = Vec3::new(1.0, 0.1, 0.0).normalize();
+    lights.push(Light { direction: from_below, ..light(LightKind::Directional) });
+    let found = gpu.irradiance(&mut gpu.pass(&scene, 64, 6), &scene, &lights);
+    let expected = direct_irradiance(&scene.texels, &scene.casters, &lights, 64);
     // A few roundings of each product.
     assert!(relative_rms(&found, &expected) < 1e-6);
     assert!(found.iter().all(|e| e.x > 0.0));

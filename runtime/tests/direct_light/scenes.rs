@@ -13,7 +13,8 @@ pub struct TestScene {
 }
 
 impl TestScene {
-    /// A quad that casts, seen counter-clockwise from the front, which holds `n * n` texels.
+    /// A quad that casts, seen counter-clockwise from the front, which holds `n * n` texels. Shading normals lean by up to
+    /// 17 degrees.
     pub fn quad(&mut self, corners: [Vec3; 4], n: u32) {
         let [a, b, c, d] = corners;
         let first = self.casters.positions.len() as u32;
@@ -25,7 +26,8 @@ impl TestScene {
             let (u, v) = ((texel % n) as f32 + 0.5, (texel / n) as f32 + 0.5);
             self.texels.index.push(self.texels.index.len() as u32);
             self.texels.position.push(a + (b - a) * (u / n as f32) + (d - a) * (v / n as f32));
-            self.texels.normal.push(normal);
+            let lean = 0.3 * Vec3::new((texel as f32).sin(), (0.7 * texel as f32).sin(), (1.3 * texel as f32).sin());
+            self.texels.normal.push((normal + lean - normal * normal.dot(lean)).normalize());
             self.texels.geometric_normal.push(normal);
             self.texels.albedo.push(Vec3::splat(0.5));
             self.texels.emission.push(Vec3::ZERO);
@@ -113,7 +115,53 @@ pub fn box_on_a_floor(n: u32) -> TestScene {
     scene
 }
 
-/// The same below a horizontal screen with holes.
+/// Eight upright sheets side by side, each with another mask over two images of noise, before a light at the origin. The
+/// images have 40 000 texels each.
+#[cfg(feature = "gpu")]
+pub fn masked_sheets() -> TestScene {
+    use localprt_formats::directions::counter_uniform;
+
+    let mut scene = TestScene::default();
+    let mut masks = CasterMasks {
+        images: (0..2)
+            .map(|image| {
+                // Blots of 25 x 20 texels, so that holes are much larger than texels of a shadow map.
+                let blot = |x: u32, y: u32| counter_uniform(11, u64::from(x / 25 + 8 * (y / 20)), image) as f32;
+                let alpha = (0..200 * 200).map(|texel| (255.0 * blot(texel % 200, texel / 200)) as u8).collect();
+                AlphaImage { width: 200, height: 200, alpha }
+            })
+            .collect(),
+        ..CasterMasks::default()
+    };
+    let wraps = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
+    for sheet in 0..8u32 {
+        let (x, y) = ((sheet % 4) as f32 - 2.0, (sheet / 4) as f32 - 1.0);
+        let z = -2.0 - 0.2 * sheet as f32;
+        let corner = |dx: f32, dy: f32| Vec3::new(x + 0.95 * dx, y + 0.95 * dy, z - 0.4 * dx);
+        scene.quad([corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)], 0);
+        // Within, and far outside of, the image.
+        let far = if sheet % 2 == 0 { 1.3 } else { 0.4 };
+        masks.uv.extend([(-far, far), (far, far), (far, -far), (-far, -far)].map(|(u, v)| Vec2::new(u + 0.3, v + 0.2)));
+        masks.alpha.extend([1.0, 0.8, 0.9, 1.2]);
+        masks.mask.extend([sheet; 2]);
+        masks.masks.push(AlphaMask {
+            image: sheet % 2,
+            wrap_u: wraps[sheet as usize % 3],
+            wrap_v: wraps[(sheet as usize / 2 + 1) % 3],
+            nearest: sheet >= 5,
+            cutoff: 0.4 + 0.02 * sheet as f32,
+        });
+    }
+    // A small image as well, with gradients between its texels.
+    masks.images.push(AlphaImage { width: 3, height: 2, alpha: vec![20, 230, 120, 180, 60, 255] });
+    masks.masks[0].image = 2;
+    masks.masks[3].image = 2;
+    scene.casters.masks = Some(masks);
+    assert_eq!(scene.casters.check(), Ok(()));
+    scene
+}
+
+/// [`box_on_a_floor`] below a horizontal screen with holes.
 pub fn box_below_a_screen(n: u32) -> TestScene {
     let mut scene = box_on_a_floor(n);
     let p = Vec3::new;

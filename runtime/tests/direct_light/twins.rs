@@ -56,7 +56,7 @@ fn footprint_m(scene: &TestScene, light: &Light, texel: usize, map_size: u32) ->
         LightKind::Spot { outer_cone, .. } if outer_cone > 1.2 => 2.0 * incident.distance,
         LightKind::Spot { outer_cone, .. } => 2.0 * outer_cone.tan() * incident.distance,
     };
-    width / (map_size - 6) as f32 / cosine
+    width / (map_size - 8) as f32 / cosine
 }
 
 #[test]
@@ -68,8 +68,8 @@ fn shadows_differ_from_traced_ones_at_their_edges_only() {
         let (mut n_lit, mut n_dark, mut n_edge, mut n_mixed) = (0, 0, 0, 0);
         for (texel, share) in shares.iter().enumerate() {
             let Some(share) = *share else { continue };
-            // A moved receiver's taps reach 2.36 texels in each axis, the diagonal of which is 3.34.
-            let radius = 3.34 * footprint_m(&scene, &light, texel, map_size);
+            // A moved receiver's taps reach 2.7 texels in each axis, the diagonal of which is 3.8.
+            let radius = 3.8 * footprint_m(&scene, &light, texel, map_size);
             let place = scene.texels.position[texel];
             match steady_shadow(&scene, &light, texel, radius) {
                 // Weights of the taps sum to 1 within 3 roundings, and x / y * y to x within 2.
@@ -131,7 +131,7 @@ fn single_sided_walls_keep_light_out() {
             // Distance to the nearest wall other than the texel's own.
             let normal = scene.texels.geometric_normal[texel].abs();
             let to_walls = (position - low).min(high - position) + normal * 9.0;
-            if to_walls.min_element() > 3.34 * footprint_m(&scene, &light, texel, map_size) {
+            if to_walls.min_element() > 3.8 * footprint_m(&scene, &light, texel, map_size) {
                 assert_eq!(share, 0.0, "{:?} at {position}", light.kind);
             }
             n_leaks += usize::from(share > 0.0);
@@ -172,4 +172,22 @@ fn lights_add_up_and_dark_ones_do_nothing() {
     }
     // Added in the same order.
     assert_eq!(all, sums);
+}
+
+#[test]
+fn light_below_either_horizon_gives_nothing() {
+    let mut scene = TestScene::default();
+    scene.quad([Vec3::Z, Vec3::X + Vec3::Z, Vec3::X, Vec3::ZERO], 8);
+    // Nothing casts, so that only the horizons count.
+    scene.casters = Default::default();
+    for (height, kind) in [(0.1, "above"), (-0.1, "below")] {
+        let light = Light { direction: Vec3::new(1.0, -height, 0.0).normalize(), ..light(LightKind::Directional) };
+        let lit = direct_irradiance(&scene.texels, &scene.casters, std::slice::from_ref(&light), 64);
+        let faces = |texel: &usize| scene.texels.normal[*texel].dot(-light.direction) > 0.0;
+        let n_facing = (0..lit.len()).filter(faces).count();
+        // Both kinds of shading normals on either side.
+        assert!((10..60).contains(&n_facing), "{kind}: {n_facing}");
+        let n_lit = lit.iter().filter(|e| **e != Vec3::ZERO).count();
+        assert_eq!(n_lit, if height > 0.0 { n_facing } else { 0 }, "{kind}");
+    }
 }

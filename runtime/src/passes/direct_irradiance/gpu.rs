@@ -121,8 +121,8 @@ impl DirectPass {
     /// Uploads surfaces and casters; replaces those before, and the irradiance buffer.
     ///
     /// # Errors
-    /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`], and [`RelightError::Limit`]. The pass then has
-    /// no scene or the one before.
+    /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`], and [`RelightError::Limit`]. The pass then
+    /// keeps the scene that it had.
     pub fn set_scene(
         &mut self,
         device: &wgpu::Device,
@@ -131,8 +131,10 @@ impl DirectPass {
     ) -> Result<(), RelightError> {
         texels.check(texels.size)?;
         casters.check()?;
-        self.texels = TexelBuffers::new(device, &self.page_layout, texels)?;
-        self.shadow.set_casters(device, casters)
+        let texels = TexelBuffers::new(device, &self.page_layout, texels)?;
+        self.shadow.set_casters(device, casters)?;
+        self.texels = texels;
+        Ok(())
     }
 
     /// Encodes shadow maps and irradiance of these lights.

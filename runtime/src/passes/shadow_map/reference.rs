@@ -89,6 +89,8 @@ struct ScreenTriangle {
     inverse_w: DVec3,
     /// Weights of the caster's corners, per corner.
     weights: [DVec3; 3],
+    /// Corners before snapping, in texels: depth is that of the true surface.
+    exact: [DVec2; 3],
     /// The caster.
     triangle: usize,
 }
@@ -157,14 +159,15 @@ impl ScreenTriangle {
             return None;
         }
         let half = 0.5 * f64::from(size);
-        let mut snapped = corners.map(|Corner { clip, .. }| {
-            let on_map = DVec2::new(half + half * clip.x / clip.w, half - half * clip.y / clip.w);
-            (on_map * SUBPIXELS).to_array().map(|value| value.round_ties_even() as i64)
-        });
+        let mut exact =
+            corners.map(|Corner { clip, .. }| DVec2::new(half + half * clip.x / clip.w, half - half * clip.y / clip.w));
+        let snap = |corner: DVec2| (corner * SUBPIXELS).to_array().map(|value| value.round_ties_even() as i64);
+        let mut snapped = exact.map(snap);
         let mut area = edge(snapped[0], snapped[1], snapped[2]);
         if area < 0 {
             corners.swap(1, 2);
             snapped.swap(1, 2);
+            exact.swap(1, 2);
             area = -area;
         }
         (area > 0).then(|| Self {
@@ -173,6 +176,7 @@ impl ScreenTriangle {
             depth: DVec3::from(corners.map(|corner| corner.clip.z / corner.clip.w)),
             inverse_w: DVec3::from(corners.map(|corner| 1.0 / corner.clip.w)),
             weights: corners.map(|corner| corner.weights),
+            exact,
             triangle,
         })
     }
@@ -194,13 +198,24 @@ impl ScreenTriangle {
                 if (0..3).any(|side| values[side] < bias[side]) {
                     continue;
                 }
-                let share = DVec3::from(values.map(|value| value as f64)) / self.area as f64;
+                let snapped = DVec3::from(values.map(|value| value as f64)) / self.area as f64;
+                let share = self.exact_share(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)).unwrap_or(snapped);
                 if self.is_present(casters, share) {
+                    // Snapping may have added texels outside of the triangle; of a sliver they could be far outside.
+                    let depth = self.depth.dot(share).clamp(self.depth.min_element(), self.depth.max_element());
                     let texel = &mut rows[(y - first_row) * width + x];
-                    *texel = texel.max(self.depth.dot(share) as f32);
+                    *texel = texel.max(depth as f32);
                 }
             }
         }
+    }
+
+    /// Weights of the corners before snapping; `None` if they span no area, or one that snapping turned around.
+    fn exact_share(&self, at: DVec2) -> Option<DVec3> {
+        let [a, b, c] = self.exact;
+        let area = (b - a).perp_dot(c - a);
+        let parts = DVec3::new((c - b).perp_dot(at - b), (a - c).perp_dot(at - c), (b - a).perp_dot(at - a));
+        (area > 0.0).then(|| parts / area)
     }
 
     fn is_present(&self, casters: &ShadowCasters, share: DVec3) -> bool {

@@ -11,9 +11,10 @@ pub const MAX_SPOT_MAP_ANGLE: f32 = 1.22;
 /// Fewest texels per side of a shadow map; below, the border takes too much of it.
 pub const MIN_SHADOW_MAP_SIZE: u32 = 16;
 
-/// Texels around a view that are drawn beyond what the light needs. A moved receiver is at most 1.36 texels away from
-/// where it was (1.125 (|x| + |y|) |x| over unit vectors), its taps one more.
-const BORDER_TEXELS: f32 = 3.0;
+/// Texels around a view that are drawn beyond what the light needs. On the map a moved receiver shifts by at most
+/// 1.125 (|x| + |y|) (|x| + T |z|) texels, (x, y, z) being a unit vector and T the view's tangent, 0 if it is parallel:
+/// 1.125 / 2 (1 + sqrt(2 + 2 T^2)) is 2.9 for the widest spot, 1.7 for a cube's face. Its taps are one texel farther.
+const BORDER_TEXELS: f32 = 4.0;
 
 /// Part by which receivers are moved farther than a flat surface needs: for the 1/256 texel to which rasterisers snap
 /// vertices, and for the footprint to grow on the way.
@@ -79,7 +80,7 @@ fn parallel(forward: Vec3, bounds: &CasterBounds, map_size: u32) -> ShadowView {
     let origin = (bounds.low + bounds.high) / 2.0;
     let half = (bounds.high - bounds.low) / 2.0;
     // Half the box' extent along an axis, never 0.
-    let pad = bounds.rounding_m().max(f32::MIN_POSITIVE);
+    let pad = rounding_or_one(bounds);
     let reach = |axis: Vec3| axis.abs().dot(half) + pad;
     let inner = inner_share(map_size);
     let range = 2.0 * reach(forward);
@@ -103,7 +104,7 @@ fn perspective(
     bounds: &CasterBounds,
     map_size: u32,
 ) -> ShadowView {
-    let near = if bounds.rounding_m() > 0.0 { bounds.rounding_m() } else { 1.0 };
+    let near = rounding_or_one(bounds);
     ShadowView {
         origin,
         right,
@@ -113,6 +114,11 @@ fn perspective(
         depth: Vec2::new(near, 0.0),
         w: Vec2::new(0.0, 1.0),
     }
+}
+
+/// A positive length within rounding; any will do where there is nothing to see.
+fn rounding_or_one(bounds: &CasterBounds) -> f32 {
+    if bounds.rounding_m() > 0.0 { bounds.rounding_m() } else { 1.0 }
 }
 
 /// Share of the map's width within the border.
@@ -193,7 +199,7 @@ mod tests {
     #[track_caller]
     fn assert_inside(view: &ShadowView, position: Vec3) {
         let clip = view.clip(position);
-        let inner = 1.0 - 6.0 / SIZE as f32;
+        let inner = 1.0 - 2.0 * BORDER_TEXELS / SIZE as f32;
         // A few roundings of the scene's coordinates.
         assert!(clip.w > 0.0 && clip.truncate().truncate().abs().max_element() <= (inner + 1e-5) * clip.w, "{clip}");
         assert!(clip.z >= 0.0 && clip.z <= clip.w, "{clip}");
@@ -256,6 +262,7 @@ mod tests {
     fn a_moved_receiver_is_in_front_of_its_plane_at_every_tap() {
         let spot = LightKind::Spot { inner_cone: 0.0, outer_cone: 1.2 };
         let mut n_tested = 0;
+        let mut most_shifted = 0.0f32;
         for (number, kind) in [LightKind::Directional, spot, LightKind::Point].into_iter().enumerate() {
             for (index, normal) in directions().enumerate() {
                 let random = |dimension| counter_uniform(7 + number as u64, index as u64, dimension) as f32;
@@ -271,6 +278,10 @@ mod tests {
                 let moved = position + normal * view.receiver_offset_m(position, normal, SIZE, 0.0);
                 let clip = view.clip(moved);
                 let center = Vec2::new(clip.x, clip.y) / clip.w;
+                let before = view.clip(position);
+                let shift = (center - Vec2::new(before.x, before.y) / before.w) * SIZE as f32 / 2.0;
+                assert!(shift.abs().max_element() < BORDER_TEXELS - 1.0, "{shift}");
+                most_shifted = most_shifted.max(shift.abs().max_element());
                 for tap in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (0.0, 0.0)] {
                     let ndc = center + Vec2::from(tap) * 2.0 / SIZE as f32;
                     assert!(ndc.abs().max_element() <= 1.0, "tap outside of the map at {ndc}");
@@ -296,5 +307,7 @@ mod tests {
             }
         }
         assert!(n_tested > 900, "{n_tested}");
+        // Lower casters than that cast no shadow where they touch the ground.
+        assert!((1.0..2.0).contains(&most_shifted), "{most_shifted}");
     }
 }
