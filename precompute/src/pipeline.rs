@@ -286,7 +286,10 @@ fn volume_transport(
         probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
     let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
     let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
-    let (clusters, rays) = local_transport(&transport, refining, settings.leaf, "volume transport", progress)?;
+    // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
+    // grows with their product.
+    let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
+    let (clusters, rays) = local_transport(&transport, refining, leaf, "volume transport", progress)?;
     let packed = Packed::of(clusters, "the matrices of the volume", "a larger --volume spacing")?;
     let volume = VolumeArrays {
         grid: cells.grid,
