@@ -42,6 +42,47 @@ pub struct ClusterRecord {
     pub reserved: u32,
 }
 
+/// Regular grid of a volume: where its cells lie, and the degree of what they hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct VolumeGrid {
+    /// Position of cell 0, metres.
+    pub origin: [f32; 3],
+    /// Distance of neighboring cells along every axis, metres.
+    pub spacing_m: f32,
+    /// Cells per axis.
+    pub dims: [u32; 3],
+    /// SH degree of the incident radiance, 1 or 2.
+    pub degree: u32,
+}
+
+impl VolumeGrid {
+    /// Number of cells.
+    pub fn n_cells(&self) -> u64 {
+        // Saturates, so that a grid that is not checked yet is too large and not small.
+        self.dims.iter().fold(1, |cells, dim| u64::saturating_mul(cells, u64::from(*dim)))
+    }
+    /// Outputs per cell.
+    pub fn n_k(&self) -> usize {
+        crate::sh::function_count(self.degree)
+    }
+    /// Index of a cell: `x + dims.x * (y + dims.y * z)`.
+    pub fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let [width, height, _] = self.dims;
+        x as usize + width as usize * (y as usize + height as usize * z as usize)
+    }
+    /// Coordinates of a cell.
+    pub fn coordinates(&self, cell: usize) -> [u32; 3] {
+        let (width, height) = (self.dims[0] as usize, self.dims[1] as usize);
+        [(cell % width) as u32, (cell / width % height) as u32, (cell / (width * height)) as u32]
+    }
+    /// World position of a cell, metres.
+    pub fn position(&self, cell: usize) -> [f32; 3] {
+        let at = self.coordinates(cell);
+        [0, 1, 2].map(|axis| self.origin[axis] + at[axis] as f32 * self.spacing_m)
+    }
+}
+
 /// A relight ray's level for rays that leave the scene: they read the sky.
 pub const LEVEL_SKY: u8 = 254;
 /// A relight ray's level for rays that hit something without light: the back of a one-sided surface, or a surface
@@ -130,8 +171,57 @@ pub struct BakedArrays {
     pub gutters: Vec<[u32; 2]>,
     /// Pairs of receivers that lie on both sides of a chart seam at the same place.
     pub seams: Vec<[u32; 2]>,
+    /// Light in the open space, for objects that move.
+    pub volume: Option<VolumeArrays>,
     /// The bake report without times, JSON; may be empty.
     pub report: String,
+}
+
+/// Transport to the cells of a grid: incident radiance from all directions about a point, SH in world axes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VolumeArrays {
+    /// Where the cells lie.
+    pub grid: VolumeGrid,
+    /// `[n_volume_receivers]` cell of each, in cluster order.
+    pub cells: Vec<u32>,
+    /// Clusters of volume receivers; offsets are into the arrays below.
+    pub clusters: Vec<ClusterRecord>,
+    /// Supporting probes of all clusters, cluster by cluster.
+    pub cluster_probes: Vec<u32>,
+    /// `S V^T` of all clusters.
+    pub projection: Vec<f16>,
+    /// `U` of all clusters.
+    pub reconstruction: Vec<f16>,
+    /// `[cell, cell]`: a cell without receiver, and the one with a receiver whose values it takes.
+    pub fill: Vec<[u32; 2]>,
+}
+
+/// Borrowed view of a volume; fields as in [`VolumeArrays`].
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub struct VolumeView<'a> {
+    pub grid: &'a VolumeGrid,
+    pub cells: &'a [u32],
+    pub clusters: &'a [ClusterRecord],
+    pub cluster_probes: &'a [u32],
+    pub projection: &'a [f16],
+    pub reconstruction: &'a [f16],
+    pub fill: &'a [[u32; 2]],
+}
+
+impl VolumeArrays {
+    /// The same arrays, borrowed.
+    pub fn view(&self) -> VolumeView<'_> {
+        VolumeView {
+            grid: &self.grid,
+            cells: &self.cells,
+            clusters: &self.clusters,
+            cluster_probes: &self.cluster_probes,
+            projection: &self.projection,
+            reconstruction: &self.reconstruction,
+            fill: &self.fill,
+        }
+    }
 }
 
 /// Borrowed view of the same arrays, from a [`BakedArrays`] or from a mapped file; fields as there.
@@ -155,6 +245,7 @@ pub struct BakedView<'a> {
     pub reconstruction: &'a [f16],
     pub gutters: &'a [[u32; 2]],
     pub seams: &'a [[u32; 2]],
+    pub volume: Option<VolumeView<'a>>,
     pub report: &'a str,
 }
 
@@ -179,6 +270,7 @@ impl BakedArrays {
             reconstruction: &self.reconstruction,
             gutters: &self.gutters,
             seams: &self.seams,
+            volume: self.volume.as_ref().map(VolumeArrays::view),
             report: &self.report,
         }
     }

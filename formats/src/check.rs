@@ -1,4 +1,4 @@
-//! Invariants across sections: rules 31 to 62 of `SPEC.md`. The same function runs before writing and after opening.
+//! Invariants across sections: rules 31 to 76 of `SPEC.md`. The same function runs before writing and after opening.
 //!
 //! [`check`] adds to that every checksum and the content hash, which opening leaves out because they read every byte twice.
 
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use half::f16;
 
-use crate::baked::{BakedView, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata};
+use crate::baked::{BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, VolumeView};
 use crate::error::OpenError;
 use crate::open;
 
@@ -17,6 +17,10 @@ pub const MAX_RAYS: u32 = 1 << 20;
 pub const MAX_MAP_SIZE: u32 = 16384;
 /// Highest SH degree of the receivers.
 pub const MAX_RECEIVER_DEGREE: u32 = 1;
+/// Highest SH degree of a volume.
+pub const MAX_VOLUME_DEGREE: u32 = 2;
+/// Most cells of a volume.
+pub const MAX_VOLUME_CELLS: u64 = 1 << 22;
 /// Most singular values per cluster.
 pub const MAX_COEFFICIENTS: u32 = 255;
 /// Unit vectors may have a squared length this far from 1: f32 rounding with margin for fast reciprocal roots.
@@ -65,9 +69,9 @@ impl Violation {
     }
 }
 
-/// Checks rules 31 to 62, in order, and stops at the first that is broken.
+/// Checks rules 31 to 76, in order but for 49, and stops at the first that is broken.
 ///
-/// Memory: four bytes per receiver and gutter texel, to find texels that occur twice.
+/// Memory: four bytes per receiver and gutter texel, to find texels that occur twice; likewise for the cells of a volume.
 ///
 /// # Errors
 /// The rule, with the place.
@@ -76,14 +80,14 @@ pub fn check_invariants(view: &BakedView<'_>) -> Result<(), Violation> {
     check_lengths(view)?;
     check_probes_and_rays(view)?;
     check_receivers(view)?;
-    check_clusters(view)?;
+    check_clusters(view, &ClusterSet::of_lightmap(view))?;
     check_gutters_and_seams(view)?;
     if !view.report.is_empty()
         && let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(view.report)
     {
         return fail(62, format!("report: not JSON: {error}"));
     }
-    Ok(())
+    view.volume.as_ref().map_or(Ok(()), |volume| check_volume(view, volume))
 }
 
 fn fail<T>(rule: u16, message: String) -> Result<T, Violation> {
@@ -219,13 +223,46 @@ fn check_receivers(view: &BakedView<'_>) -> Result<(), Violation> {
     Ok(())
 }
 
+/// Clusters of one set of receivers, with their arrays.
+struct ClusterSet<'a> {
+    clusters: &'a [ClusterRecord],
+    cluster_probes: &'a [u32],
+    projection: &'a [f16],
+    reconstruction: &'a [f16],
+    n_receivers: u64,
+    n_k: u64,
+}
+
+impl<'a> ClusterSet<'a> {
+    fn of_lightmap(view: &BakedView<'a>) -> Self {
+        Self {
+            clusters: view.clusters,
+            cluster_probes: view.cluster_probes,
+            projection: view.projection,
+            reconstruction: view.reconstruction,
+            n_receivers: view.receiver_texel.len() as u64,
+            n_k: view.metadata.n_k() as u64,
+        }
+    }
+
+    fn of_volume(volume: &VolumeView<'a>) -> Self {
+        Self {
+            clusters: volume.clusters,
+            cluster_probes: volume.cluster_probes,
+            projection: volume.projection,
+            reconstruction: volume.reconstruction,
+            n_receivers: volume.cells.len() as u64,
+            n_k: volume.grid.n_k() as u64,
+        }
+    }
+}
+
 /// Rules 50 to 58. Offsets are running sums, so every block lies where the one before it ends.
-fn check_clusters(view: &BakedView<'_>) -> Result<(), Violation> {
-    let metadata = view.metadata;
-    let (n_sh, n_k, n_sky) = (metadata.n_sh() as u64, metadata.n_k() as u64, metadata.n_sky() as u64);
-    let (n_probes, n_receivers) = (view.probes.len() as u64, view.receiver_texel.len() as u64);
+fn check_clusters(view: &BakedView<'_>, set: &ClusterSet<'_>) -> Result<(), Violation> {
+    let (n_sh, n_sky, n_probes) = (view.metadata.n_sh() as u64, view.metadata.n_sky() as u64, view.probes.len() as u64);
+    let (n_k, n_receivers) = (set.n_k, set.n_receivers);
     let (mut receiver, mut entry, mut light, mut projection, mut reconstruction) = (0u64, 0u64, 0u64, 0u64, 0u64);
-    for (i, cluster) in view.clusters.iter().enumerate() {
+    for (i, cluster) in set.clusters.iter().enumerate() {
         // All sums and products below stay far under 2^64: each end is checked against an array before it grows again,
         // columns are at most 2^32 * 121 + 121, coefficients at most 255.
         at(50, i, "first_receiver", cluster.first_receiver, receiver)?;
@@ -240,8 +277,8 @@ fn check_clusters(view: &BakedView<'_>) -> Result<(), Violation> {
         at(51, i, "first_probe", cluster.first_probe, entry)?;
         let first_entry = entry as usize;
         entry += u64::from(cluster.n_probes);
-        let Some(listed) = usize::try_from(entry).ok().and_then(|end| view.cluster_probes.get(first_entry..end)) else {
-            let present = view.cluster_probes.len();
+        let Some(listed) = usize::try_from(entry).ok().and_then(|end| set.cluster_probes.get(first_entry..end)) else {
+            let present = set.cluster_probes.len();
             return fail(51, format!("cluster {i}: its probes end at entry {entry}, cluster_probes has {present}"));
         };
         if let Some(pair) = listed.windows(2).find(|pair| pair[0] >= pair[1]) {
@@ -261,26 +298,26 @@ fn check_clusters(view: &BakedView<'_>) -> Result<(), Violation> {
         light += n_c;
         at(55, i, "projection_pair", cluster.projection_pair, projection)?;
         let columns = u64::from(cluster.n_probes) * n_sh + u64::from(cluster.n_sky);
-        projection = block_end(55, i, "projection", view.projection, projection, n_c * columns)?;
+        projection = block_end(55, i, "projection", set.projection, projection, n_c * columns)?;
         at(56, i, "reconstruction_pair", cluster.reconstruction_pair, reconstruction)?;
         let rows = u64::from(cluster.n_receivers) * n_k;
-        reconstruction = block_end(56, i, "reconstruction", view.reconstruction, reconstruction, rows * n_c)?;
+        reconstruction = block_end(56, i, "reconstruction", set.reconstruction, reconstruction, rows * n_c)?;
         if cluster.reserved != 0 {
             return fail(57, format!("cluster {i}: reserved is {}, must be 0", cluster.reserved));
         }
     }
     let totals = [
         (50, "receivers", receiver, n_receivers),
-        (51, "cluster_probes", entry, view.cluster_probes.len() as u64),
-        (55, "projection", 2 * projection, view.projection.len() as u64),
-        (56, "reconstruction", 2 * reconstruction, view.reconstruction.len() as u64),
+        (51, "cluster_probes", entry, set.cluster_probes.len() as u64),
+        (55, "projection", 2 * projection, set.projection.len() as u64),
+        (56, "reconstruction", 2 * reconstruction, set.reconstruction.len() as u64),
     ];
     for (rule, name, used, present) in totals {
         if used != present {
             return fail(rule, format!("{name}: clusters use {used} of {present}"));
         }
     }
-    for (name, values) in [("projection", view.projection), ("reconstruction", view.reconstruction)] {
+    for (name, values) in [("projection", set.projection), ("reconstruction", set.reconstruction)] {
         if values.iter().fold(false, |wrong, value| wrong | !value.is_finite()) {
             return fail(58, format!("{name} {}: is not finite", first(values, |value| !value.is_finite())));
         }
@@ -337,6 +374,47 @@ fn check_gutters_and_seams(view: &BakedView<'_>) -> Result<(), Violation> {
         }
     }
     Ok(())
+}
+
+/// Rules 71 to 76.
+fn check_volume(view: &BakedView<'_>, volume: &VolumeView<'_>) -> Result<(), Violation> {
+    let grid = volume.grid;
+    let spacing = grid.spacing_m;
+    let end = |axis: usize| grid.origin[axis] + grid.dims[axis] as f32 * spacing;
+    if !(is_finite(&grid.origin) && spacing > 0.0 && is_finite(&[end(0), end(1), end(2)])) {
+        let origin = grid.origin;
+        return fail(71, format!("volume: origin {origin:?} or spacing {spacing} is not usable"));
+    }
+    let n_cells = grid.n_cells();
+    if !(1..=MAX_VOLUME_CELLS).contains(&n_cells) {
+        let dims = grid.dims;
+        return fail(72, format!("volume: {dims:?} are {n_cells} cells, allowed are 1 to {MAX_VOLUME_CELLS}"));
+    }
+    if !(1..=MAX_VOLUME_DEGREE).contains(&grid.degree) {
+        return fail(73, format!("volume: degree is {}, allowed are 1 to {MAX_VOLUME_DEGREE}", grid.degree));
+    }
+    for (i, &cell) in volume.cells.iter().enumerate() {
+        if u64::from(cell) >= n_cells {
+            return fail(74, format!("volume receiver {i}: cell {cell}, there are {n_cells}"));
+        }
+    }
+    if let Some(cell) = first_repeated(volume.cells.to_vec()) {
+        return fail(74, format!("volume: cell {cell} has two receivers"));
+    }
+    check_clusters(view, &ClusterSet::of_volume(volume))
+        .map_err(|violation| Violation { message: format!("volume {}", violation.message), ..violation })?;
+    let mut has_receiver = vec![false; n_cells as usize];
+    volume.cells.iter().for_each(|cell| has_receiver[*cell as usize] = true);
+    for (i, &[cell, source]) in volume.fill.iter().enumerate() {
+        if u64::from(cell) >= n_cells || has_receiver.get(source as usize) != Some(&true) {
+            return fail(75, format!("volume fill {i}: cell {cell} takes cell {source}, which must have a receiver"));
+        }
+    }
+    let filled = volume.cells.iter().copied().chain(volume.fill.iter().map(|fill| fill[0])).collect();
+    match first_repeated(filled) {
+        Some(cell) => fail(76, format!("volume fill: cell {cell} is filled twice, or has a receiver")),
+        None => Ok(()),
+    }
 }
 
 /// Texels of the receiver map; rule 32 keeps it within 2^28.

@@ -35,6 +35,14 @@ pub fn uniform_hemisphere(point: [f64; 2]) -> [f32; 3] {
     [(radius * azimuth.cos()) as f32, (radius * azimuth.sin()) as f32, z as f32]
 }
 
+/// Uniform direction over the sphere from a point of the unit square (density `1 / 4 pi`).
+pub fn uniform_sphere(point: [f64; 2]) -> [f32; 3] {
+    let z = 1.0 - 2.0 * point[0];
+    let radius = (1.0 - z * z).max(0.0).sqrt();
+    let azimuth = 2.0 * PI * point[1];
+    [(radius * azimuth.cos()) as f32, (radius * azimuth.sin()) as f32, z as f32]
+}
+
 /// A random 64-bit number that depends on nothing but its three counters (SplitMix64 finaliser, applied in turn).
 pub fn counter_hash(seed: u64, stream: u64, counter: u64) -> u64 {
     mix(mix(mix(seed ^ 0x6c70_7274_5eed_0001) ^ stream) ^ counter)
@@ -69,7 +77,8 @@ mod tests {
         let n = 8000;
         for i in 0..n {
             let point = fibonacci_square(i, n, [0.3, 0.7]);
-            for direction in [spherical_fibonacci(i, n), cosine_hemisphere(point), uniform_hemisphere(point)] {
+            let sphere = [spherical_fibonacci(i, n), uniform_sphere(point)];
+            for direction in sphere.into_iter().chain([cosine_hemisphere(point), uniform_hemisphere(point)]) {
                 // Three components rounded to 2^-24 of at most 1.
                 assert!((length(direction) - 1.0).abs() < 2f64.powi(-23), "{direction:?}");
             }
@@ -115,6 +124,9 @@ mod tests {
         // Uniform density: E[cos] = 1/2; midpoints are exact for linear functions.
         let uniform = mean(&mut points.clone().map(|point| uniform_hemisphere(point)[2]));
         assert!((uniform - 0.5).abs() < 1e-6, "{uniform}");
+        // Uniform over the sphere: E[z] = 0, E[z^2] = 1/3, with the midpoint error 1 / (3 n^2) of a square.
+        let height = |power: i32| mean(&mut points.clone().map(|point| uniform_sphere(point)[2].powi(power)));
+        assert!(height(1).abs() < 1e-6 && (height(2) - 1.0 / 3.0).abs() < 1e-6);
         // No preferred azimuth: bounded by the lattice's discrepancy, about log(n) / n = 2e-3.
         for axis in 0..2 {
             assert!(mean(&mut points.clone().map(|point| cosine_hemisphere(point)[axis])).abs() < 2e-3);

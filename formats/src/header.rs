@@ -131,6 +131,13 @@ pub(crate) enum Known {
     Reconstruction,
     Gutters,
     Seams,
+    Volume,
+    VolumeCells,
+    VolumeClusters,
+    VolumeClusterProbes,
+    VolumeProjection,
+    VolumeReconstruction,
+    VolumeFill,
     Report,
 }
 
@@ -152,7 +159,7 @@ const fn optional(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
 }
 
 /// Descriptions of all known sections, by [`Known`].
-pub(crate) const LAYOUTS: [Layout; 18] = [
+pub(crate) const LAYOUTS: [Layout; 25] = [
     layout(b"META", Scalar::U8, 1),
     layout(b"PROB", Scalar::F32, 4),
     layout(b"RDIR", Scalar::F32, 4),
@@ -170,12 +177,30 @@ pub(crate) const LAYOUTS: [Layout; 18] = [
     layout(b"RECO", Scalar::F16, 1),
     layout(b"GUTR", Scalar::U32, 2),
     layout(b"SEAM", Scalar::U32, 2),
+    optional(b"VOLU", Scalar::U32, 8),
+    optional(b"VCEL", Scalar::U32, 1),
+    optional(b"VCLU", Scalar::U32, 10),
+    optional(b"VCPR", Scalar::U32, 1),
+    optional(b"VPRJ", Scalar::F16, 1),
+    optional(b"VREC", Scalar::F16, 1),
+    optional(b"VFIL", Scalar::U32, 2),
     optional(b"REPT", Scalar::U8, 1),
 ];
 
 fn known_section(kind: SectionKind) -> Option<(usize, &'static Layout)> {
     LAYOUTS.iter().enumerate().find(|(_, layout)| layout.kind == kind)
 }
+
+/// Sections of a volume: all of them or none.
+pub(crate) const VOLUME: [Known; 7] = [
+    Known::Volume,
+    Known::VolumeCells,
+    Known::VolumeClusters,
+    Known::VolumeClusterProbes,
+    Known::VolumeProjection,
+    Known::VolumeReconstruction,
+    Known::VolumeFill,
+];
 
 /// A checked header with its table.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -59,7 +59,10 @@ pub mod sh;
 pub mod weight;
 pub mod write;
 
-pub use baked::{BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe};
+pub use baked::{
+    BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe, VolumeArrays,
+    VolumeGrid, VolumeView,
+};
 pub use check::{Violation, check, check_bytes, check_invariants};
 pub use error::{OpenError, WriteError};
 pub use header::{Scalar, SectionInfo, SectionKind};

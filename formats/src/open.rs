@@ -8,10 +8,10 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
-use crate::baked::{BakedView, Metadata};
+use crate::baked::{BakedView, Metadata, VolumeGrid, VolumeView};
 use crate::check::{Violation, check_invariants};
 use crate::error::OpenError;
-use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, SectionInfo};
+use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, SectionInfo, VOLUME};
 use crate::metadata;
 
 #[cfg(target_endian = "big")]
@@ -61,7 +61,7 @@ impl Baked {
     fn from_checked(bytes: Bytes) -> Result<Self, OpenError> {
         let file = bytes.as_slice();
         let header = Header::parse(file)?;
-        let ranges = section_ranges(&header);
+        let ranges = section_ranges(&header)?;
         let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
         let report = report_text(&file[ranges[Known::Report as usize].clone()])?.to_owned();
         check_invariants(&view(file, &ranges, &metadata, &report))?;
@@ -136,8 +136,8 @@ pub(crate) fn check_file(file: &[u8]) -> Vec<OpenError> {
     if *hasher.finalize().as_bytes() != header.content_hash {
         errors.push(OpenError::ContentHash);
     }
-    let ranges = section_ranges(&header);
-    let checked = metadata::decode(&file[ranges[Known::Metadata as usize].clone()]).and_then(|metadata| {
+    let checked = section_ranges(&header).map_err(OpenError::from).and_then(|ranges| {
+        let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
         let report = report_text(&file[ranges[Known::Report as usize].clone()])?;
         Ok(check_invariants(&view(file, &ranges, &metadata, report))?)
     });
@@ -219,8 +219,23 @@ fn section_range(section: &SectionInfo) -> Range<usize> {
     section.offset as usize..(section.offset + section.length) as usize
 }
 
-fn section_ranges(header: &Header) -> [Range<usize>; LAYOUTS.len()] {
-    header.known.map(|index| index.map_or(0..0, |index| section_range(&header.sections[index])))
+/// Where each known section lies. Those of a volume are there together or not at all (rule 70); one of them that is skipped
+/// for its version takes the others with it.
+fn section_ranges(header: &Header) -> Result<[Range<usize>; LAYOUTS.len()], Violation> {
+    let mut ranges = header.known.map(|index| index.map_or(0..0, |index| section_range(&header.sections[index])));
+    let listed = |known: &&Known| header.sections.iter().any(|section| section.kind == LAYOUTS[**known as usize].kind);
+    let present = VOLUME.iter().filter(listed).count();
+    if present != 0 && present != VOLUME.len() {
+        let message = format!("volume: {present} of its {} sections are present", VOLUME.len());
+        return Err(Violation { rule: 70, message });
+    }
+    if VOLUME.iter().any(|known| header.known[*known as usize].is_none()) {
+        VOLUME.iter().for_each(|known| ranges[*known as usize] = 0..0);
+    } else if ranges[Known::Volume as usize].len() != size_of::<VolumeGrid>() {
+        let message = "volume: VOLU does not have exactly one element".into();
+        return Err(Violation { rule: 70, message });
+    }
+    Ok(ranges)
 }
 
 fn report_text(bytes: &[u8]) -> Result<&str, Violation> {
@@ -251,6 +266,15 @@ fn view<'a>(
         reconstruction: slice(file, ranges, Known::Reconstruction),
         gutters: slice(file, ranges, Known::Gutters),
         seams: slice(file, ranges, Known::Seams),
+        volume: slice(file, ranges, Known::Volume).first().map(|grid| VolumeView {
+            grid,
+            cells: slice(file, ranges, Known::VolumeCells),
+            clusters: slice(file, ranges, Known::VolumeClusters),
+            cluster_probes: slice(file, ranges, Known::VolumeClusterProbes),
+            projection: slice(file, ranges, Known::VolumeProjection),
+            reconstruction: slice(file, ranges, Known::VolumeReconstruction),
+            fill: slice(file, ranges, Known::VolumeFill),
+        }),
         report,
     }
 }

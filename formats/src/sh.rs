@@ -38,6 +38,16 @@ pub fn irradiance_weights_degree_1(normal: [f32; 3]) -> [f32; 4] {
     weights
 }
 
+/// The same for degree 2.
+pub fn irradiance_weights_degree_2(normal: [f32; 3]) -> [f32; 9] {
+    let mut weights = [0.0; 9];
+    Basis::new(2).evaluate(normal, &mut weights);
+    for (index, weight) in weights.iter_mut().enumerate() {
+        *weight *= COSINE_LOBE[index.isqrt()];
+    }
+    weights
+}
+
 /// Directions for [`Basis::accumulate`], one per lane; unit length.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Directions {
@@ -320,6 +330,20 @@ mod tests {
         let [y, z, x] = [1, 2, 0].map(|axis| normal[axis] * (4.0 * PI / 3.0).sqrt());
         let irradiance = weights[0] * (4.0 * PI).sqrt() + weights[1] * y + weights[2] * z + weights[3] * x;
         assert!((irradiance - (PI + 2.0 * PI / 3.0)).abs() < 2e-6, "{irradiance}");
+    }
+
+    #[test]
+    fn degree_2_adds_a_quarter_pi_of_the_second_band() {
+        let normal = [0.48, -0.6, 0.64];
+        let weights = irradiance_weights_degree_2(normal);
+        assert_eq!(weights[..4], irradiance_weights_degree_1(normal));
+        // A field that is Y_20 along the normal has sqrt(4 pi / 5) Y_2m(normal) as coefficients, and sum Y_2m^2 = 5 / 4 pi:
+        // the irradiance is pi/4 times the field there.
+        let mut values = [0.0; 9];
+        Basis::new(2).evaluate(normal, &mut values);
+        let scale = (4.0 * PI / 5.0).sqrt();
+        let irradiance: f32 = (4..9).map(|k| weights[k] * scale * values[k]).sum();
+        assert!((irradiance - PI / 4.0 * (5.0 / (4.0 * PI)).sqrt()).abs() < 1e-6, "{irradiance}");
     }
 
     #[test]

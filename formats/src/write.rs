@@ -135,6 +135,13 @@ const ORDER: [Known; LAYOUTS.len()] = [
     Known::Reconstruction,
     Known::Gutters,
     Known::Seams,
+    Known::Volume,
+    Known::VolumeCells,
+    Known::VolumeClusters,
+    Known::VolumeClusterProbes,
+    Known::VolumeProjection,
+    Known::VolumeReconstruction,
+    Known::VolumeFill,
     Known::Report,
 ];
 
@@ -160,6 +167,13 @@ fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option
         Known::Reconstruction => cast_slice(view.reconstruction),
         Known::Gutters => cast_slice(view.gutters),
         Known::Seams => cast_slice(view.seams),
+        Known::Volume => bytemuck::bytes_of(view.volume?.grid),
+        Known::VolumeCells => cast_slice(view.volume?.cells),
+        Known::VolumeClusters => cast_slice(view.volume?.clusters),
+        Known::VolumeClusterProbes => cast_slice(view.volume?.cluster_probes),
+        Known::VolumeProjection => cast_slice(view.volume?.projection),
+        Known::VolumeReconstruction => cast_slice(view.volume?.reconstruction),
+        Known::VolumeFill => cast_slice(view.volume?.fill),
         Known::Report if view.report.is_empty() => return None,
         Known::Report => view.report.as_bytes(),
     })

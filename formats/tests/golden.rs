@@ -31,7 +31,7 @@ fn the_file_of_version_1_0_opens_to_known_values() {
     assert_eq!(baked.version(), (1, 0));
     assert_eq!(baked.sections().len(), 17);
     assert_known_values(&baked.view());
-    assert!(baked.view().ray_distance.is_empty());
+    assert!(baked.view().ray_distance.is_empty() && baked.view().volume.is_none());
 }
 
 #[test]
@@ -41,10 +41,21 @@ fn the_file_of_version_1_1_opens_to_known_values() {
     let baked = Baked::open(&path).unwrap();
     let view = baked.view();
     assert_eq!(baked.version(), (1, 1));
-    assert_eq!(baked.sections().len(), 18);
+    assert_eq!(baked.sections().len(), 25);
     assert_known_values(&view);
     assert_eq!(view.ray_distance[..4], [1.5, 0.5, f32::INFINITY, 1.0].map(f16::from_f32));
     assert_eq!(view.ray_distance[11], f16::MAX);
+    let volume = view.volume.unwrap();
+    assert_eq!((volume.grid.dims, volume.grid.degree, volume.grid.spacing_m), ([3, 2, 1], 1, 0.5));
+    assert_eq!((volume.grid.n_cells(), volume.grid.n_k()), (6, 4));
+    assert_eq!(volume.grid.coordinates(4), [1, 1, 0]);
+    assert_eq!(volume.grid.index([1, 1, 0]), 4);
+    assert_eq!(volume.grid.position(4), [0.0, 0.75, 0.0]);
+    assert_eq!(volume.cells, [4, 1]);
+    assert_eq!((volume.clusters[0].n_sky, volume.cluster_probes), (4, &[1][..]));
+    assert_eq!(volume.projection[2], f16::from_f32(0.125));
+    assert_eq!(volume.reconstruction[5], f16::from_f32(-0.25));
+    assert_eq!(volume.fill, [[0, 1], [5, 4]]);
 }
 
 /// What both files hold.
@@ -72,7 +83,7 @@ fn assert_known_values(view: &BakedView<'_>) {
 #[test]
 fn the_file_of_version_1_1_is_written_byte_for_byte() {
     let stored = std::fs::read(golden_1_1()).unwrap();
-    assert!(stored.len() < 8192, "{} bytes", stored.len());
+    assert!(stored.len() < 10_240, "{} bytes", stored.len());
     assert_eq!(stored, to_bytes(&minimal()).unwrap());
 }
 
@@ -132,6 +143,7 @@ fn an_independent_reader_agrees() {
         "projection": 12,
         "reconstruction": 4,
         "ray_distances": 12,
+        "volume": {"origin": [-0.5, 0.25, 0.0], "spacing": 0.5, "dims": [3, 2, 1], "degree": 1, "receivers": 2, "filled": 2},
         "gutters": 2,
         "seams": 1,
         "report": true,
@@ -150,5 +162,16 @@ fn an_independent_reader_agrees() {
         let irradiance = found["irradiance"][receiver].as_f64().unwrap();
         // The table's f32 rounding, summed over a few terms of size 4.
         assert!((irradiance - (factor * light).max(0.0)).abs() < 1e-5, "{receiver}: {irradiance}");
+    }
+    // Probe 1 sees radiance 1 from everywhere, without any direction.
+    let light = 0.25 * probe_1[0] + sky_0;
+    let cells = found["volume_radiance"].as_array().unwrap();
+    let expected = [(1, 0.75, -0.25), (0, 0.75, -0.25), (4, 1.0, 0.0), (5, 1.0, 0.0)];
+    assert_eq!((cells.len(), &cells[2], &cells[3]), (6, &serde_json::Value::Null, &serde_json::Value::Null));
+    for (cell, constant, first) in expected {
+        for (k, factor) in [(0, constant), (1, first)] {
+            let radiance = cells[cell][k].as_f64().unwrap();
+            assert!((radiance - factor * light).abs() < 1e-5, "{cell} {k}: {radiance}");
+        }
     }
 }

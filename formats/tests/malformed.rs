@@ -5,7 +5,7 @@ mod common;
 use common::{entry, minimal, n_sections, payload, seal, seal_all, u64_at};
 use localprt_formats::directions::counter_hash;
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
-use localprt_formats::{Baked, BakedArrays, ClusterRecord, OpenError, WriteError, check_bytes, to_bytes};
+use localprt_formats::{Baked, BakedArrays, ClusterRecord, OpenError, VolumeArrays, WriteError, check_bytes, to_bytes};
 
 fn sound() -> Vec<u8> {
     to_bytes(&minimal()).unwrap()
@@ -94,6 +94,8 @@ fn every_flipped_bit_is_found() {
             // Opening leaves payload checksums out, so it may accept some; what it accepts can be read.
             if let Ok(baked) = Baked::from_bytes(flipped) {
                 let view = baked.view();
+                let volume_probes = view.volume.iter().flat_map(|volume| volume.cluster_probes);
+                assert!(volume_probes.clone().all(|probe| (*probe as usize) < view.probes.len()));
                 let last = view.cluster_probes.iter().map(|probe| view.probes[*probe as usize].support_radius_m);
                 assert!(last.count() == 2);
             }
@@ -480,6 +482,81 @@ fn gutter_seam_and_report_rules_refuse() {
     assert_eq!(refused_payload(b"GUTR", 0, &u32::MAX.to_le_bytes()), 60);
     assert_eq!(refused_payload(b"SEAM", 4, &u32::MAX.to_le_bytes()), 61);
     assert_eq!(refused_payload(b"REPT", 3, &[0xff]), 62);
+}
+
+#[test]
+fn volume_rules_refuse() {
+    let volume = |change: &dyn Fn(&mut VolumeArrays)| invariant(|arrays| change(arrays.volume.as_mut().unwrap()));
+    for spacing in [0.0, -1.0, f32::NAN, f32::INFINITY, f32::MAX] {
+        assert_eq!(volume(&|volume| volume.grid.spacing_m = spacing), 71);
+    }
+    assert_eq!(volume(&|volume| volume.grid.origin[2] = f32::NAN), 71);
+    for dims in [[0, 2, 3], [1 << 22, 2, 1], [1 << 8, 1 << 8, 65], [1 << 31, 1 << 31, 4]] {
+        assert_eq!(volume(&|volume| volume.grid.dims = dims), 72);
+    }
+    for degree in [0, 3, u32::MAX] {
+        assert_eq!(volume(&|volume| volume.grid.degree = degree), 73);
+    }
+    assert_eq!(volume(&|volume| volume.cells[0] = 6), 74);
+    assert_eq!(volume(&|volume| volume.cells[0] = 1), 74);
+    // Clusters obey the rules of the lightmap's.
+    assert_eq!(volume(&|volume| volume.cells.truncate(1)), 50);
+    assert_eq!(volume(&|volume| volume.clusters.clear()), 50);
+    assert_eq!(volume(&|volume| volume.clusters[0].n_probes = 2), 51);
+    assert_eq!(volume(&|volume| volume.cluster_probes[0] = 2), 51);
+    assert_eq!(volume(&|volume| volume.clusters[0].n_sky = 3), 52);
+    assert_eq!(volume(&|volume| volume.clusters[0].n_coefficients = 256), 53);
+    assert_eq!(volume(&|volume| volume.clusters[0].first_light = 1), 54);
+    assert_eq!(volume(&|volume| volume.projection.truncate(6)), 55);
+    // Degree 2 needs nine rows a receiver.
+    assert_eq!(volume(&|volume| volume.grid.degree = 2), 56);
+    assert_eq!(volume(&|volume| volume.clusters[0].reserved = 1), 57);
+    assert_eq!(volume(&|volume| volume.reconstruction[0] = half::f16::NAN), 58);
+    for fill in [[6, 1], [0, 6], [0, 2], [0, 0], [0, u32::MAX], [u32::MAX, 1]] {
+        assert_eq!(volume(&|volume| volume.fill[0] = fill), 75, "{fill:?}");
+    }
+    for fill in [[5, 1], [1, 4]] {
+        assert_eq!(volume(&|volume| volume.fill[0] = fill), 76, "{fill:?}");
+    }
+    assert_eq!(refused_payload(b"VOLU", 12, &0f32.to_le_bytes()), 71);
+    assert_eq!(refused_payload(b"VOLU", 16, &0u32.to_le_bytes()), 72);
+    assert_eq!(refused_payload(b"VOLU", 28, &9u32.to_le_bytes()), 73);
+    assert_eq!(refused_payload(b"VCEL", 0, &9u32.to_le_bytes()), 74);
+    assert_eq!(refused_payload(b"VCLU", 4, &3u32.to_le_bytes()), 50);
+    assert_eq!(refused_payload(b"VCPR", 0, &2u32.to_le_bytes()), 51);
+    assert_eq!(refused_payload(b"VFIL", 4, &2u32.to_le_bytes()), 75);
+    assert_eq!(refused_payload(b"VFIL", 0, &1u32.to_le_bytes()), 76);
+}
+
+#[test]
+fn a_volume_is_whole_or_absent() {
+    let change = |kind: &'static [u8; 4], at: usize, bytes: &'static [u8]| {
+        let mut file = sound();
+        let at = entry(&file, kind) + at;
+        put(&mut file, at, bytes);
+        seal_all(&mut file);
+        file
+    };
+    for kind in [b"VOLU", b"VCEL", b"VCLU", b"VCPR", b"VPRJ", b"VREC", b"VFIL"] {
+        // One section under another name is one that is missing.
+        assert_eq!(refused(change(kind, 0, b"NEW1")), 70);
+        // One of a later version is skipped, and the others with it.
+        let file = change(kind, 4, &[2]);
+        assert_eq!(check_bytes(&file), []);
+        assert!(Baked::from_bytes(file).unwrap().view().volume.is_none());
+    }
+    // A table whose first and last entry swap their payloads: VOLU without an element.
+    let mut arrays = minimal();
+    arrays.volume.as_mut().unwrap().fill.clear();
+    let mut file = to_bytes(&arrays).unwrap();
+    let (grid, fill) = (entry(&file, b"VOLU"), entry(&file, b"VFIL"));
+    put(&mut file, grid, b"VFIL");
+    put(&mut file, grid + 10, &[2, 0]);
+    put(&mut file, grid + 16, &[4]);
+    put(&mut file, fill, b"VOLU");
+    put(&mut file, fill + 10, &[8, 0]);
+    seal_all(&mut file);
+    assert_eq!(refused(file), 70);
 }
 
 #[test]

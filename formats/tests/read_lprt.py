@@ -13,7 +13,8 @@ KINDS = {  # kind: (scalar, components, required)
     "META": (1, 1, 1), "PROB": (5, 4, 1), "RDIR": (5, 4, 1), "RASH": (5, 1, 1), "RAUV": (3, 1, 1), "RALV": (1, 1, 1),
     "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "CLUS": (3, 10, 1), "CPRB": (3, 1, 1),
     "PROJ": (4, 1, 1), "RECO": (4, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "REPT": (1, 1, 0),
-    "RADS": (4, 1, 0),
+    "RADS": (4, 1, 0), "VOLU": (3, 8, 0), "VCEL": (3, 1, 0), "VCLU": (3, 10, 0), "VCPR": (3, 1, 0), "VPRJ": (4, 1, 0),
+    "VREC": (4, 1, 0), "VFIL": (3, 2, 0),
 }
 CRC_TABLE = []
 for byte in range(256):
@@ -96,25 +97,53 @@ def read_metadata(data):
     return meta
 
 
-def relight_uniform(meta, sections):
-    """Irradiance (degree 0) of every receiver for radiance 1 from every mapped surface and the sky, no further bounce."""
+def read_volume(sections):
+    """Grid of the volume; None without one."""
+    kinds = [kind for kind in KINDS if kind.startswith("V")]
+    require(70, sum(kind in sections for kind in kinds) in (0, len(kinds)))
+    if any(sections.get(kind) is None for kind in kinds):
+        return None
+    words = sections["VOLU"]
+    require(70, len(words) == 8)
+    x, y, z, spacing = struct.unpack("<4f", struct.pack("<4I", *words[:4]))
+    require(71, spacing > 0)
+    require(72, 1 <= words[4] * words[5] * words[6] <= 2 ** 22)
+    require(73, words[7] in (1, 2))
+    return {"origin": [x, y, z], "spacing": spacing, "dims": words[4:7], "degree": words[7],
+            "receivers": len(sections["VCEL"]), "filled": len(sections["VFIL"]) // 2}
+
+
+def volume_uniform(meta, sections, volume):
+    """SH radiance of every cell under the same light; None for a cell that holds nothing."""
+    n_k = (volume["degree"] + 1) ** 2
+    outputs = relight_uniform(meta, sections, ("VCLU", "VCPR", "VPRJ", "VREC"), n_k)
+    cells = [None] * math.prod(volume["dims"])
+    for receiver, cell in enumerate(sections["VCEL"]):
+        cells[cell] = outputs[receiver * n_k:(receiver + 1) * n_k]
+    for cell, source in zip(sections["VFIL"][::2], sections["VFIL"][1::2]):
+        cells[cell] = cells[source]
+    return cells
+
+
+def relight_uniform(meta, sections, kinds, n_k):
+    """Outputs of every receiver for radiance 1 from every mapped surface and the sky, no further bounce."""
     n_rays = meta["n_rays"]
-    n_sh, n_k = (meta["probe_degree"] + 1) ** 2, (meta["receiver_degree"] + 1) ** 2
+    n_sh = (meta["probe_degree"] + 1) ** 2
+    records, listed, projections, reconstructions = (sections[kind] for kind in kinds)
     table, levels = sections["RASH"], sections["RALV"]
     n_probes = len(sections["PROB"]) // 4
     radiance = [
         [sum(table[r * n_sh + j] for r in range(n_rays) if levels[p * n_rays + r] != 255) for j in range(n_sh)]
         for p in range(n_probes)]
     outputs = []
-    for c in range(len(sections["CLUS"]) // 10):
-        _, n_receivers, first_probe, n_listed, n_sky, n_c, _, projection, reconstruction, _ = sections["CLUS"][
-            10 * c:10 * c + 10]
-        column = [value for p in sections["CPRB"][first_probe:first_probe + n_listed] for value in radiance[p]]
+    for c in range(len(records) // 10):
+        _, n_receivers, first_probe, n_listed, n_sky, n_c, _, projection, reconstruction, _ = records[10 * c:10 * c + 10]
+        column = [value for p in listed[first_probe:first_probe + n_listed] for value in radiance[p]]
         column += [math.sqrt(4 * math.pi) if s == 0 else 0.0 for s in range(n_sky)]
-        s_v, u = sections["PROJ"][2 * projection:], sections["RECO"][2 * reconstruction:]
+        s_v, u = projections[2 * projection:], reconstructions[2 * reconstruction:]
         lights = [sum(s_v[i * len(column) + j] * value for j, value in enumerate(column)) for i in range(n_c)]
         outputs += [sum(u[row * n_c + i] * light for i, light in enumerate(lights)) for row in range(n_receivers * n_k)]
-    return [max(value, 0.0) for value in outputs[::n_k]] if n_k == 1 else None
+    return outputs
 
 
 def main():
@@ -125,13 +154,20 @@ def main():
     require(40, len(distances) in (0, len(sections["RALV"])))
     require(49, all(math.copysign(1, distance) > 0 and not math.isnan(distance) for distance in distances))
     clusters = sections["CLUS"]
+    n_k = (meta["receiver_degree"] + 1) ** 2
+    irradiance = None
+    if n_k == 1:
+        outputs = relight_uniform(meta, sections, ("CLUS", "CPRB", "PROJ", "RECO"), n_k)
+        irradiance = [max(value, 0.0) for value in outputs]
+    volume = read_volume(sections)
     print(json.dumps({
         "version": [1, minor], **meta, "degrees": [meta[f"{name}_degree"] for name in ("probe", "receiver", "sky")],
         "probes": len(sections["PROB"]) // 4, "rays": len(sections["RDIR"]) // 4, "receivers": len(sections["RTEX"]),
         "clusters": len(clusters) // 10, "cluster_lights": sum(clusters[5::10]),
         "projection": len(sections["PROJ"]), "reconstruction": len(sections["RECO"]),
         "ray_distances": len(sections.get("RADS") or ()), "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
-        "report": bool(sections.get("REPT")), "irradiance": relight_uniform(meta, sections),
+        "report": bool(sections.get("REPT")), "irradiance": irradiance,
+        "volume": volume, "volume_radiance": volume and volume_uniform(meta, sections, volume),
     }))
 
 

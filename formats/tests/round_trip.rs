@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Sizes, arrays, minimal};
-use localprt_formats::{Baked, BakedArrays, BakedView, WriteError, check, check_bytes, to_bytes, write};
+use localprt_formats::{Baked, BakedArrays, BakedView, VolumeArrays, WriteError, check, check_bytes, to_bytes, write};
 use proptest::prelude::*;
 
 fn owned(view: &BakedView<'_>) -> BakedArrays {
@@ -25,6 +25,15 @@ fn owned(view: &BakedView<'_>) -> BakedArrays {
         reconstruction: view.reconstruction.to_vec(),
         gutters: view.gutters.to_vec(),
         seams: view.seams.to_vec(),
+        volume: view.volume.map(|volume| VolumeArrays {
+            grid: *volume.grid,
+            cells: volume.cells.to_vec(),
+            clusters: volume.clusters.to_vec(),
+            cluster_probes: volume.cluster_probes.to_vec(),
+            projection: volume.projection.to_vec(),
+            reconstruction: volume.reconstruction.to_vec(),
+            fill: volume.fill.to_vec(),
+        }),
         report: view.report.to_owned(),
     }
 }

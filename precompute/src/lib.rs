@@ -32,4 +32,5 @@ pub mod report;
 pub mod settings;
 pub mod transport;
 pub mod validate;
+pub mod volume;
 pub mod voxels;

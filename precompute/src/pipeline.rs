@@ -12,15 +12,19 @@ use crate::{
     rays::{RayCaster, TreeError},
     relight_rays::{self, RelightRays},
     report::{
-        AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen, hex,
-        peak_rss_bytes,
+        AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen,
+        VolumeFacts, hex, peak_rss_bytes,
     },
     settings::BakeSettings,
     transport::{GatherSet, RayCounts, TransportScene},
+    volume::{self, VolumeCells},
     voxels::{self, VoxelGrid},
 };
+use glam::Vec3;
 use half::f16;
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, sh};
+use localprt_formats::{
+    BakedArrays, ClusterRecord, Metadata, Probe, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh,
+};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -42,12 +46,6 @@ pub struct BakeOutput {
 /// Help for options out of range.
 const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 
-/// A leaf's clusters and the rays they cost.
-struct LeafResult {
-    clusters: Vec<Cluster>,
-    rays: RayCounts,
-}
-
 /// Bakes a scene. The same scene and settings give the same bytes on any number of threads.
 ///
 /// # Errors
@@ -67,6 +65,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     // Space: which side of a surface light can reach.
     let bounds = scene.bounds().unwrap_or_default();
     let rho = voxels::spacing(bounds, settings);
+    let volume_grid = volume_grid(bounds, settings)?;
     let (grid, scene, layout) = {
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
         let grid = {
@@ -101,6 +100,13 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         probes::place(&caster, &grid, rho, &receivers.position, &receivers.geometric_normal, settings)
             .map_err(placement_error)?
     };
+    let volume = match volume_grid {
+        Some(volume) => {
+            let _stage = progress.stage("volume", 0);
+            Some(volume_cells(volume, &grid, &caster)?)
+        }
+        None => None,
+    };
     drop(grid);
     progress.check()?;
     let probe_basis = sh::Basis::new(settings.probe_degree);
@@ -133,28 +139,25 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         n_sh: probe_basis.len(),
         n_sky: sky_basis.len(),
     };
-    let leaf_members = leaves(&receivers.position, settings.leaf as usize);
-    let leaf_results: Vec<LeafResult> = {
-        let stage = progress.stage("transport and clusters", receivers.len() as u64);
-        leaf_members
-            .par_iter()
-            .map(|members| {
-                progress.check()?;
-                let rows = transport.rows(members);
-                let rays = rows.rays;
-                let clusters = refine(members, &receivers.position, rows, &refining);
-                stage.inc(members.len() as u64);
-                Ok(LeafResult { clusters, rays })
-            })
-            .collect::<Result<_, BakeError>>()?
+    let (clusters, mut traced) =
+        local_transport(&transport, &refining, settings.leaf, "transport and clusters", progress)?;
+    let volume = match &volume {
+        Some(cells) => {
+            let gather = GatherSet::sphere(settings.gather_rays, settings.volume_degree, settings.seed);
+            let (volume, rays) = volume_transport(
+                cells,
+                &TransportScene { gather: &gather, ..transport },
+                &refining,
+                settings,
+                progress,
+            )?;
+            traced += rays;
+            Some(volume)
+        }
+        None => None,
     };
 
     let _stage = progress.stage("assemble", 0);
-    let mut traced = RayCounts::default();
-    for leaf in &leaf_results {
-        traced += leaf.rays;
-    }
-    let clusters: Vec<Cluster> = leaf_results.into_iter().flat_map(|leaf| leaf.clusters).collect();
     let mut report = BakeReport {
         scene: source,
         options: settings.clone(),
@@ -168,6 +171,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     report.visibility_rays = traced.visibility;
     fill_results(&mut report, &receivers, &probes, &support, &clusters);
     let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, clusters)?;
+    arrays.volume = volume;
+    report.volume = arrays.view().volume.map(|volume| VolumeFacts::of(&volume));
     report.bytes = Bytes {
         projection: 2 * arrays.projection.len() as u64,
         reconstruction: 2 * arrays.reconstruction.len() as u64,
@@ -218,6 +223,139 @@ fn layout(
     Ok((scene, LayoutReport { back_faces, reason: Some(reason), ..report }))
 }
 
+/// Clusters of all receivers in leaf order, and the rays they cost. The rows of a leaf are made, compressed and dropped.
+fn local_transport(
+    transport: &TransportScene<'_>,
+    refining: &RefineSettings,
+    leaf: u32,
+    stage: &str,
+    progress: &Progress,
+) -> Result<(Vec<Cluster>, RayCounts), BakeError> {
+    let positions = &transport.receivers.position;
+    let stage = progress.stage(stage, positions.len() as u64);
+    let results: Vec<(Vec<Cluster>, RayCounts)> = leaves(positions, leaf as usize)
+        .par_iter()
+        .map(|members| {
+            progress.check()?;
+            let rows = transport.rows(members);
+            let rays = rows.rays;
+            let clusters = refine(members, positions, rows, refining);
+            stage.inc(members.len() as u64);
+            Ok((clusters, rays))
+        })
+        .collect::<Result<_, BakeError>>()?;
+    let mut traced = RayCounts::default();
+    results.iter().for_each(|(_, rays)| traced += *rays);
+    Ok((results.into_iter().flat_map(|(clusters, _)| clusters).collect(), traced))
+}
+
+/// Grid of the volume that the settings ask for.
+fn volume_grid(bounds: (Vec3, Vec3), settings: &BakeSettings) -> Result<Option<VolumeGrid>, BakeError> {
+    let Some(spacing_m) = settings.volume else { return Ok(None) };
+    let grid = volume::grid(bounds, spacing_m, settings.volume_degree).map_err(|error| BakeError::Limit {
+        what: format!("a volume of {spacing_m} m spacing over the scene box"),
+        needed: error.to_string(),
+        allowed: format!("{MAX_VOLUME_CELLS} cells"),
+        remedy: "use a larger --volume spacing".into(),
+    })?;
+    Ok(Some(grid))
+}
+
+/// Its cells in the open.
+fn volume_cells(grid: VolumeGrid, voxels: &VoxelGrid, caster: &RayCaster<'_>) -> Result<VolumeCells, BakeError> {
+    let cells = volume::cells(grid, voxels, caster);
+    if cells.cells.is_empty() {
+        return Err(BakeError::Option {
+            what: format!("none of the {} cells of the volume is in the open", grid.n_cells()),
+            remedy: "use a smaller --volume spacing, or leave the volume out".into(),
+        });
+    }
+    Ok(cells)
+}
+
+/// The volume as stored, by the same way as the lightmap: support, rows, clusters. `lightmap` gives what both share.
+fn volume_transport(
+    cells: &VolumeCells,
+    lightmap: &TransportScene<'_>,
+    refining: &RefineSettings,
+    settings: &BakeSettings,
+    progress: &Progress,
+) -> Result<(VolumeArrays, RayCounts), BakeError> {
+    let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
+    let (_, support, _) =
+        probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
+    let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
+    let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
+    // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
+    // grows with their product.
+    let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
+    let (clusters, rays) = local_transport(&transport, refining, leaf, "volume transport", progress)?;
+    let packed = Packed::of(clusters, "the matrices of the volume", "a larger --volume spacing")?;
+    let volume = VolumeArrays {
+        grid: cells.grid,
+        cells: packed.members.iter().map(|&member| cells.cells[member as usize]).collect(),
+        clusters: packed.clusters,
+        cluster_probes: packed.cluster_probes,
+        projection: packed.projection,
+        reconstruction: packed.reconstruction,
+        fill: cells.fill.clone(),
+    };
+    Ok((volume, rays))
+}
+
+/// Clusters as stored.
+#[derive(Default)]
+struct Packed {
+    clusters: Vec<ClusterRecord>,
+    cluster_probes: Vec<u32>,
+    projection: Vec<f16>,
+    reconstruction: Vec<f16>,
+    /// Receivers in stored order.
+    members: Vec<u32>,
+    /// Unseen share of each.
+    unseen: Vec<f32>,
+}
+
+impl Packed {
+    /// # Errors
+    /// More values than 32-bit offsets reach; `what` they are, and `remedy` beside a lower degree or a larger threshold.
+    fn of(clusters: Vec<Cluster>, what: &str, remedy: &str) -> Result<Self, BakeError> {
+        let values: usize =
+            clusters.iter().map(|cluster| cluster.rows.projection.len() + cluster.rows.reconstruction.len()).sum();
+        if u32::try_from(values / 2 + 2 * clusters.len()).is_err() {
+            return Err(BakeError::Limit {
+                what: what.into(),
+                needed: format!("{} GB", values / 500_000_000),
+                allowed: "17 GB".into(),
+                remedy: format!("use {remedy}, a lower degree or a larger --threshold"),
+            });
+        }
+        let mut packed = Self::default();
+        let mut first_light = 0;
+        for cluster in clusters {
+            packed.clusters.push(ClusterRecord {
+                first_receiver: packed.members.len() as u32,
+                n_receivers: cluster.members.len() as u32,
+                first_probe: packed.cluster_probes.len() as u32,
+                n_probes: cluster.probes.len() as u32,
+                n_sky: cluster.n_sky as u32,
+                n_coefficients: cluster.rows.n_coefficients as u32,
+                first_light,
+                projection_pair: (packed.projection.len() / 2) as u32,
+                reconstruction_pair: (packed.reconstruction.len() / 2) as u32,
+                reserved: 0,
+            });
+            first_light += cluster.rows.n_coefficients as u32;
+            packed.cluster_probes.extend_from_slice(&cluster.probes);
+            extend_even(&mut packed.projection, &cluster.rows.projection);
+            extend_even(&mut packed.reconstruction, &cluster.rows.reconstruction);
+            packed.members.extend_from_slice(&cluster.members);
+            packed.unseen.extend_from_slice(&cluster.unseen);
+        }
+        Ok(packed)
+    }
+}
+
 /// Arrays of the file: receivers in cluster order.
 ///
 /// # Errors
@@ -231,17 +369,7 @@ fn assemble(
     rays: RelightRays,
     clusters: Vec<Cluster>,
 ) -> Result<BakedArrays, BakeError> {
-    let n_k = sh::function_count(settings.receiver_degree);
-    let values: usize =
-        clusters.iter().map(|cluster| cluster.rows.projection.len() + cluster.rows.reconstruction.len()).sum();
-    if u32::try_from(values / 2 + 2 * clusters.len()).is_err() {
-        return Err(BakeError::Limit {
-            what: "the cluster matrices".into(),
-            needed: format!("{} GB", values / 500_000_000),
-            allowed: "17 GB".into(),
-            remedy: "use fewer receivers (--fill, --lightmap, --texel), a lower degree or a larger --threshold".into(),
-        });
-    }
+    let packed = Packed::of(clusters, "the cluster matrices", "fewer receivers (--fill, --lightmap, --texel)")?;
     let mut arrays = BakedArrays {
         probes: probes
             .positions
@@ -256,34 +384,18 @@ fn assemble(
         ..BakedArrays::default()
     };
     let mut stored = vec![u32::MAX; receivers.len()];
-    let mut first_light = 0;
-    for cluster in clusters {
-        arrays.clusters.push(ClusterRecord {
-            first_receiver: arrays.receiver_texel.len() as u32,
-            n_receivers: cluster.members.len() as u32,
-            first_probe: arrays.cluster_probes.len() as u32,
-            n_probes: cluster.probes.len() as u32,
-            n_sky: cluster.n_sky as u32,
-            n_coefficients: cluster.rows.n_coefficients as u32,
-            first_light,
-            projection_pair: (arrays.projection.len() / 2) as u32,
-            reconstruction_pair: (arrays.reconstruction.len() / 2) as u32,
-            reserved: 0,
-        });
-        first_light += cluster.rows.n_coefficients as u32;
-        arrays.cluster_probes.extend_from_slice(&cluster.probes);
-        extend_even(&mut arrays.projection, &cluster.rows.projection);
-        extend_even(&mut arrays.reconstruction, &cluster.rows.reconstruction);
-        debug_assert_eq!(cluster.rows.reconstruction.len(), cluster.members.len() * n_k * cluster.rows.n_coefficients);
-        for (&member, &unseen) in cluster.members.iter().zip(&cluster.unseen) {
-            let member = member as usize;
-            stored[member] = arrays.receiver_texel.len() as u32;
-            arrays.receiver_texel.push(receivers.texel[member]);
-            arrays.receiver_position.push(receivers.position[member].to_array());
-            arrays.receiver_normal.push(receivers.normal[member].to_array());
-            arrays.receiver_unseen.push(unseen);
-        }
+    for (place, &member) in packed.members.iter().enumerate() {
+        let member = member as usize;
+        stored[member] = place as u32;
+        arrays.receiver_texel.push(receivers.texel[member]);
+        arrays.receiver_position.push(receivers.position[member].to_array());
+        arrays.receiver_normal.push(receivers.normal[member].to_array());
     }
+    arrays.receiver_unseen = packed.unseen;
+    arrays.clusters = packed.clusters;
+    arrays.cluster_probes = packed.cluster_probes;
+    arrays.projection = packed.projection;
+    arrays.reconstruction = packed.reconstruction;
     arrays.gutters = receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
     arrays.seams = receivers
         .seams

@@ -59,6 +59,9 @@ pub struct BakeReport {
     pub visibility_rays: u64,
     /// What the relight rays of all probes met.
     pub relight: RelightFacts,
+    /// The volume; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<VolumeFacts>,
     /// What the user was warned of.
     pub warnings: Vec<String>,
 }
@@ -186,6 +189,45 @@ pub struct PlacementFacts {
     pub rejected: u64,
     /// Probes added by the coverage repair.
     pub repaired: u64,
+}
+
+/// The volume for objects that move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct VolumeFacts {
+    /// Cells per axis.
+    pub dims: [u32; 3],
+    /// Cells in the open, with light of their own.
+    pub receivers: u64,
+    /// Cells inside or behind geometry.
+    pub invalid: u64,
+    /// Of those, cells that take the values of one in the open.
+    pub filled: u64,
+    /// Clusters.
+    pub clusters: u64,
+    /// Bytes of its sections.
+    pub bytes: u64,
+}
+
+impl VolumeFacts {
+    /// Of the arrays in a file.
+    pub fn of(volume: &localprt_formats::VolumeView<'_>) -> Self {
+        let receivers = volume.cells.len() as u64;
+        Self {
+            dims: volume.grid.dims,
+            receivers,
+            invalid: volume.grid.n_cells() - receivers,
+            filled: volume.fill.len() as u64,
+            clusters: volume.clusters.len() as u64,
+            bytes: (size_of_val(volume.grid)
+                + size_of_val(volume.cells)
+                + size_of_val(volume.clusters)
+                + size_of_val(volume.cluster_probes)
+                + size_of_val(volume.projection)
+                + size_of_val(volume.reconstruction)
+                + size_of_val(volume.fill)) as u64,
+        }
+    }
 }
 
 /// Relight rays by what they met.

@@ -59,6 +59,11 @@ pub struct BakeSettings {
     pub gather_rays: u32,
     /// Relight rays per probe (SL17 4.2).
     pub relight_rays: u32,
+    /// Spacing in metres of a volume for objects that move, over the scene box; absent: no volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<f32>,
+    /// SH degree of the volume, 1 or 2.
+    pub volume_degree: u32,
     /// A leaf of the receiver tree holds fewer receivers than this (SL17 4.1).
     pub leaf: u32,
     /// Largest RMS error per transport row of a leaf (SL17 4.1).
@@ -105,6 +110,8 @@ impl Default for BakeSettings {
             direct_map: 2048,
             gather_rays: 1024,
             relight_rays: 8000,
+            volume: None,
+            volume_degree: 1,
             leaf: 1024,
             threshold: 0.005,
             coefficients: 32,

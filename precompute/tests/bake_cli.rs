@@ -95,6 +95,32 @@ fn a_scene_becomes_a_file_and_the_file_becomes_pictures() {
 }
 
 #[test]
+fn a_volume_is_baked_reported_and_shown() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    let baked = bake(folder, &["--report", "-", "--volume", "0.5", "--volume-degree", "2"]);
+    let volume = json(&baked.stdout)["volume"].clone();
+    assert_eq!(volume["dims"], serde_json::json!([5, 5, 5]));
+    let count = |key: &str| volume[key].as_u64().expect("a count");
+    assert!(count("receivers") > 0 && count("clusters") > 0 && count("bytes") > 0, "{volume}");
+    assert_eq!(count("receivers") + count("invalid"), 125);
+    assert!(count("filled") <= count("invalid"));
+    assert_exit(&run(&["check", "a.lprt"], folder), 0);
+    let info = json(&run(&["info", "a.lprt", "--json"], folder).stdout);
+    assert_eq!(info["volume"]["degree"], 2);
+    for key in ["dims", "receivers", "invalid", "filled", "clusters", "bytes"] {
+        assert_eq!(info["volume"][key], volume[key], "{key}");
+    }
+    let shown = run(&["info", "a.lprt"], folder);
+    assert!(text(&shown.stdout).contains("5 x 5 x 5 cells, 0.5 m apart, degree 2"), "{}", text(&shown.stdout));
+
+    let fine = run(&[&["bake", "builtin:cornell", "-o", "b.lprt", "--volume", "0.001"], &SMALL[..]].concat(), folder);
+    assert_exit(&fine, 2);
+    assert!(text(&fine.stderr).contains("allowed is 4194304 cells"), "{}", text(&fine.stderr));
+    assert!(!folder.join("b.lprt").exists());
+}
+
+#[test]
 fn threads_do_not_change_a_byte() {
     let folders = [tempfile::tempdir().expect("folder"), tempfile::tempdir().expect("folder")];
     let files = [(&folders[0], "1"), (&folders[1], "3")].map(|(folder, threads)| {

@@ -1,9 +1,10 @@
 //! A baked file whose counts, ranges and indices have been checked once, so that the passes can trust them.
 
+use crate::checked_volume::CheckedVolume;
 use crate::error::RelightError;
 use half::f16;
 use localprt_formats::sh::{self, MAX_DEGREE};
-use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL};
+use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL, VolumeView};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -17,6 +18,7 @@ pub const MAX_RECEIVER_DEGREE: u32 = 1;
 pub struct CheckedBake<'a> {
     view: BakedView<'a>,
     transport: Transport<'a>,
+    volume: Option<CheckedVolume<'a>>,
     /// `[n_receivers]` for degree 1, else empty.
     cosine_weights: Vec<[f32; 4]>,
 }
@@ -42,8 +44,9 @@ impl<'a> CheckedBake<'a> {
         }
         check_rays(&view)?;
         check_receivers(&view)?;
-        let transport = Transport::new(&view)?;
-        let mut checked = Self { view, transport, cosine_weights: Vec::new() };
+        let transport = Transport::of_lightmap(&view)?;
+        let volume = view.volume.map(|volume| CheckedVolume::new(&view, volume)).transpose()?;
+        let mut checked = Self { view, transport, volume, cosine_weights: Vec::new() };
         if meta.receiver_degree == 1 {
             checked.cosine_weights =
                 view.receiver_normal.par_iter().map(|&normal| sh::irradiance_weights_degree_1(normal)).collect();
@@ -94,6 +97,11 @@ impl<'a> CheckedBake<'a> {
     /// Transport from probes and sky to the receivers of the lightmap.
     pub fn transport(&self) -> &Transport<'a> {
         &self.transport
+    }
+
+    /// Grid in the open space, for objects that move, and transport to its cells; `None` if the file has none.
+    pub fn volume(&self) -> Option<&CheckedVolume<'a>> {
+        self.volume.as_ref()
     }
 
     pub(crate) fn cosine_weights(&self) -> &[[f32; 4]] {
@@ -157,8 +165,8 @@ pub struct Transport<'a> {
 }
 
 impl<'a> Transport<'a> {
-    fn new(view: &BakedView<'a>) -> Result<Self, RelightError> {
-        let mut transport = Self {
+    fn of_lightmap(view: &BakedView<'a>) -> Result<Self, RelightError> {
+        Self {
             clusters: view.clusters,
             cluster_probes: view.cluster_probes,
             projection: view.projection,
@@ -169,9 +177,30 @@ impl<'a> Transport<'a> {
             n_k: view.metadata.n_k(),
             n_receivers: view.receiver_texel.len(),
             n_cluster_lights: 0,
-        };
-        transport.n_cluster_lights = transport.check()?;
-        Ok(transport)
+        }
+        .checked("")
+    }
+
+    /// That of a volume whose grid has been checked.
+    pub(crate) fn of_volume(view: &BakedView<'a>, volume: &VolumeView<'a>) -> Result<Self, RelightError> {
+        Self {
+            clusters: volume.clusters,
+            cluster_probes: volume.cluster_probes,
+            projection: volume.projection,
+            reconstruction: volume.reconstruction,
+            n_probes: view.probes.len(),
+            n_sh: view.metadata.n_sh(),
+            n_sky: view.metadata.n_sky(),
+            n_k: volume.grid.n_k(),
+            n_receivers: volume.cells.len(),
+            n_cluster_lights: 0,
+        }
+        .checked("volume ")
+    }
+
+    /// With the number of cluster lights; `of` precedes the names in messages.
+    fn checked(self, of: &str) -> Result<Self, RelightError> {
+        Ok(Self { n_cluster_lights: self.check(of)?, ..self })
     }
 
     /// Receivers of a cluster.
@@ -201,10 +230,10 @@ impl<'a> Transport<'a> {
     }
 
     /// Returns the number of cluster lights.
-    fn check(&self) -> Result<usize, RelightError> {
+    fn check(&self, of: &str) -> Result<usize, RelightError> {
         let (mut n_lights, mut receiver_end) = (0u64, 0u64);
         for (cluster, record) in self.clusters.iter().enumerate() {
-            let place = format!("cluster {cluster}");
+            let place = format!("{of}cluster {cluster}");
             let receivers = (u64::from(record.first_receiver), u64::from(record.n_receivers));
             ensure(receivers.1 > 0, &place, || "has no receiver".into())?;
             ensure(receivers.0 >= receiver_end, &place, || {
@@ -229,7 +258,10 @@ impl<'a> Transport<'a> {
         }
         match self.cluster_probes.iter().find(|&&probe| probe as usize >= self.n_probes) {
             None => Ok(n_lights as usize),
-            Some(probe) => fail("cluster_probes", format!("probe {probe} does not exist, there are {}", self.n_probes)),
+            Some(probe) => {
+                let problem = format!("probe {probe} does not exist, there are {}", self.n_probes);
+                fail(&format!("{of}cluster_probes"), problem)
+            }
         }
     }
 }
@@ -260,11 +292,11 @@ fn check_end(place: &str, what: &str, end: u64, present: usize) -> Result<(), Re
     ensure(end <= present as u64, place, || format!("{what} ends at entry {end}, there are {present}"))
 }
 
-fn ensure(holds: bool, place: &str, problem: impl FnOnce() -> String) -> Result<(), RelightError> {
+pub(crate) fn ensure(holds: bool, place: &str, problem: impl FnOnce() -> String) -> Result<(), RelightError> {
     if holds { Ok(()) } else { fail(place, problem()) }
 }
 
-fn fail<T>(place: &str, problem: String) -> Result<T, RelightError> {
+pub(crate) fn fail<T>(place: &str, problem: String) -> Result<T, RelightError> {
     Err(RelightError::Bake { place: place.into(), problem })
 }
 

@@ -10,6 +10,7 @@ use crate::passes::gutter_dilation::gutter_dilation;
 use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
 use crate::passes::probe_relight::probe_relight;
 use crate::passes::receiver_reconstruction::{receiver_irradiance, receiver_reconstruction};
+use crate::passes::volume_fill::{VolumeSampler, volume_fill};
 use glam::Vec3;
 use localprt_formats::BakedView;
 
@@ -87,7 +88,18 @@ pub struct CpuRelighter<'a> {
     probe_radiance: Vec<Vec3>,
     cluster_lights: Vec<Vec3>,
     relit: Relit,
+    volume: VolumeLight,
     gathers: u64,
+}
+
+/// Light of the volume; empty arrays without one.
+#[derive(Clone, Debug, Default)]
+struct VolumeLight {
+    cluster_lights: Vec<Vec3>,
+    /// `[n_volume_receivers, n_k]`.
+    coefficients: Vec<Vec3>,
+    /// `[n_cells, n_k]`.
+    cells: Vec<Vec3>,
 }
 
 impl<'a> CpuRelighter<'a> {
@@ -106,9 +118,18 @@ impl<'a> CpuRelighter<'a> {
                 irradiance: vec![Vec3::ZERO; baked.n_receivers()],
                 irradiance_map: CoverageMap::uncovered(view.metadata.lightmap_size),
             },
+            volume: VolumeLight::default(),
             gathers: 0,
             baked,
         };
+        if let Some(volume) = relighter.baked.volume() {
+            let (transport, n_k) = (volume.transport(), volume.n_k());
+            relighter.volume = VolumeLight {
+                cluster_lights: vec![Vec3::ZERO; transport.n_cluster_lights],
+                coefficients: vec![Vec3::ZERO; transport.n_receivers * n_k],
+                cells: vec![Vec3::ZERO; volume.n_cells() * n_k],
+            };
+        }
         relighter.write_irradiance_map();
         Ok(relighter)
     }
@@ -125,6 +146,10 @@ impl<'a> CpuRelighter<'a> {
         for _ in 0..inputs.bounces {
             self.gather(inputs);
         }
+        // Nothing reads the volume before the last gather.
+        if inputs.bounces > 0 {
+            self.light_volume(inputs);
+        }
         Ok(&self.relit)
     }
 
@@ -137,6 +162,7 @@ impl<'a> CpuRelighter<'a> {
     pub fn step(&mut self, inputs: &RelightInputs<'_>) -> Result<&Relit, RelightError> {
         self.check(inputs)?;
         self.gather(inputs);
+        self.light_volume(inputs);
         Ok(&self.relit)
     }
 
@@ -148,6 +174,7 @@ impl<'a> CpuRelighter<'a> {
         self.cluster_lights.fill(Vec3::ZERO);
         self.relit.coefficients.fill(Vec3::ZERO);
         self.relit.irradiance.fill(Vec3::ZERO);
+        self.volume.cells.fill(Vec3::ZERO);
         self.write_irradiance_map();
     }
 
@@ -180,6 +207,18 @@ impl<'a> CpuRelighter<'a> {
     /// Light of the last gather at the receivers.
     pub fn relit(&self) -> &Relit {
         &self.relit
+    }
+
+    /// `[n_cells, n_k]` SH radiance in the cells of the volume, from the probes of the last gather; `None` without a volume.
+    ///
+    /// Cells inside geometry hold the values of a valid one near by, or 0: `baked().volume()` tells by cell.
+    pub fn volume(&self) -> Option<&[Vec3]> {
+        self.baked.volume().map(|_| self.volume.cells.as_slice())
+    }
+
+    /// Light at any place of the volume; `None` without a volume.
+    pub fn volume_sampler(&self) -> Option<VolumeSampler<'_>> {
+        self.baked.volume().map(|volume| VolumeSampler::new(volume, &self.volume.cells))
     }
 
     /// Gathers since the last reset: bounces the current light holds.
@@ -219,6 +258,15 @@ impl<'a> CpuRelighter<'a> {
         receiver_irradiance(baked, &self.relit.coefficients, &mut self.relit.irradiance);
         self.write_irradiance_map();
         self.gathers += 1;
+    }
+
+    /// Lights the volume by the probes of the last gather; it feeds nothing back.
+    fn light_volume(&mut self, inputs: &RelightInputs<'_>) {
+        let Some(volume) = self.baked.volume() else { return };
+        let VolumeLight { cluster_lights, coefficients, cells } = &mut self.volume;
+        cluster_projection(volume.transport(), &self.probe_radiance, inputs.sky_sh, cluster_lights);
+        receiver_reconstruction(volume.transport(), cluster_lights, coefficients);
+        volume_fill(volume, coefficients, cells);
     }
 
     fn write_irradiance_map(&mut self) {

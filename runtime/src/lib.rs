@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod checked_bake;
+pub mod checked_volume;
 pub mod coverage_map;
 pub mod cpu_relighter;
 pub mod error;
@@ -23,6 +24,7 @@ mod test_bake;
 mod test_gpu;
 
 pub use checked_bake::CheckedBake;
+pub use checked_volume::{CheckedVolume, Validity};
 pub use coverage_map::CoverageMap;
 pub use cpu_relighter::{CpuRelighter, DEFAULT_FEEDBACK_ALBEDO_CAP, RelightInputs, Relit};
 pub use error::RelightError;
@@ -33,6 +35,7 @@ pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 pub use passes::direct_irradiance::DirectOptions;
 pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
+pub use passes::volume_fill::VolumeSampler;
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};
 pub use sky::sky_sh;

@@ -4,7 +4,7 @@ use glam::Vec3;
 use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform, spherical_fibonacci};
 use localprt_formats::sh::{Basis, function_count};
-use localprt_formats::{BakedArrays, ClusterRecord, Probe};
+use localprt_formats::{BakedArrays, ClusterRecord, Probe, VolumeArrays, VolumeGrid};
 
 /// Relight rays of the bakes here.
 pub const N_RAYS: u32 = 1000;
@@ -64,6 +64,34 @@ pub fn furnace(probe_degree: u32) -> BakedArrays {
     arrays.receiver_unseen = vec![0.0; 16];
     arrays.cluster_probes = vec![0, 1];
     arrays.clusters = vec![ClusterRecord { n_receivers: 16, n_probes: 2, n_coefficients: 1, ..Default::default() }];
+    arrays
+}
+
+/// The furnace with a volume of 2 x 2 x 2 cells, a metre apart: cells 1 to 6 get the mean radiance of both probes and, in
+/// the function 3 (x), `0.25 * cell` times it; cell 0 takes the values of cell 4; cell 7 holds nothing.
+///
+/// The factor is `f16(1 / 2) + f16(1 / 2) = 1`, exactly.
+pub fn furnace_volume(probe_degree: u32, degree: u32) -> BakedArrays {
+    let mut arrays = furnace(probe_degree);
+    let (n_sh, n_k) = (function_count(probe_degree), function_count(degree));
+    let cells = vec![2u32, 1, 6, 3, 4, 5];
+    let mut projection = vec![f16::ZERO; 2 * n_sh];
+    projection[0] = f16::from_f32(0.5);
+    projection[n_sh] = f16::from_f32(0.5);
+    let mut reconstruction = vec![f16::ZERO; cells.len() * n_k];
+    for (row, &cell) in reconstruction.chunks_exact_mut(n_k).zip(&cells) {
+        row[0] = f16::ONE;
+        row[3] = f16::from_f32(0.25 * cell as f32);
+    }
+    arrays.volume = Some(VolumeArrays {
+        grid: VolumeGrid { origin: [-1.0, 0.0, 1.0], spacing_m: 1.0, dims: [2, 2, 2], degree },
+        cells,
+        clusters: vec![ClusterRecord { n_receivers: 6, n_probes: 2, n_coefficients: 1, ..Default::default() }],
+        cluster_probes: vec![0, 1],
+        projection,
+        reconstruction,
+        fill: vec![[0, 4]],
+    });
     arrays
 }
 

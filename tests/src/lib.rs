@@ -38,13 +38,19 @@ pub fn bake(scene: Scene, settings: &BakeSettings) -> BakeOutput {
 
 /// `[n_receivers]` indirect irradiance after `bounces` gathers.
 pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<Vec3> {
+    relit(baked, lighting, bounces, |relighter| relighter.relit().irradiance.clone())
+}
+
+/// What `look` finds in the light after `bounces` gathers.
+pub fn relit<T>(baked: &BakeOutput, lighting: &Lighting, bounces: u32, look: impl FnOnce(&CpuRelighter<'_>) -> T) -> T {
     let caster = RayCaster::new(&baked.scene).expect("tree");
     let view = baked.arrays.view();
     let surface = relight::surface_texels(&caster, &Atlas::of(&baked.scene), lighting, &view);
     let sky = relight::sky_inputs(&lighting.sky, &view);
     let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
-    relighter.relight(&inputs).expect("inputs of the right size").irradiance.clone()
+    relighter.relight(&inputs).expect("inputs of the right size");
+    look(&relighter)
 }
 
 /// Mean of the three bands over some receivers.

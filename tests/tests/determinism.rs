@@ -10,6 +10,8 @@ fn the_same_bytes_on_one_thread_and_on_three() {
         let settings = localprt_precompute::settings::BakeSettings {
             receiver_degree: degree,
             probe_degree: 4,
+            volume: Some(0.4),
+            volume_degree: degree + 1,
             ..small_settings()
         };
         pool.install(|| to_bytes(&bake(scene("cornell"), &settings).arrays).expect("valid arrays"))

@@ -7,3 +7,4 @@ mod furnace;
 mod light_leak;
 mod sky;
 mod validation;
+mod volume;

@@ -4,11 +4,11 @@
 use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform};
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
-use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, Probe};
+use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, Probe, VolumeArrays, VolumeGrid};
 
 /// What version 1.0 could hold of [`minimal`].
 pub fn minimal_1_0() -> BakedArrays {
-    BakedArrays { ray_distance: Vec::new(), ..minimal() }
+    BakedArrays { ray_distance: Vec::new(), volume: None, ..minimal() }
 }
 
 /// Two probes, three receivers, one cluster, six rays, degree 1. All numbers are literals, so that every machine makes
@@ -67,6 +67,21 @@ pub fn minimal() -> BakedArrays {
         reconstruction: f16s(&[1.0, 0.75, -0.5, 0.0]),
         gutters: vec![[4, 0], [7, 1]],
         seams: vec![[0, 2]],
+        volume: Some(VolumeArrays {
+            grid: VolumeGrid { origin: [-0.5, 0.25, 0.0], spacing_m: 0.5, dims: [3, 2, 1], degree: 1 },
+            cells: vec![4, 1],
+            clusters: vec![ClusterRecord {
+                n_receivers: 2,
+                n_probes: 1,
+                n_sky: 4,
+                n_coefficients: 1,
+                ..ClusterRecord::default()
+            }],
+            cluster_probes: vec![1],
+            projection: f16s(&[0.25, 0.0, 0.125, 0.0, 1.0, 0.0, 0.0, 0.0]),
+            reconstruction: f16s(&[1.0, 0.0, 0.5, 0.0, 0.75, -0.25, 0.0, 0.0]),
+            fill: vec![[0, 1], [5, 4]],
+        }),
         report: r#"{"receivers":3}"#.into(),
     }
 }
@@ -136,35 +151,61 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
         metadata,
         ..BakedArrays::default()
     };
+    let n_k = out.metadata.n_k() as u32;
+    let set = clusters(sizes, &out.metadata, n_k, 0);
+    (out.clusters, out.cluster_probes, out.projection, out.reconstruction) = set;
+    // Every other file has a volume, with clusters of the same sizes.
+    if seed.is_multiple_of(2) {
+        let degree = 1 + (seed / 2 % 2) as u32;
+        let grid = VolumeGrid { origin: point(14, 0), spacing_m: 0.25, dims: [3, n_receivers + 1, 2], degree };
+        let (clusters, cluster_probes, projection, reconstruction) =
+            clusters(sizes, &out.metadata, grid.n_k() as u32, 1000);
+        let cells = (0..n_receivers).map(|i| 2 * i + 1).collect();
+        let fill = if n_receivers > 0 { vec![[0, 1], [2, 1]] } else { Vec::new() };
+        out.volume = Some(VolumeArrays { grid, cells, clusters, cluster_probes, projection, reconstruction, fill });
+    }
+    out
+}
+
+/// Clusters of `sizes.cluster_receivers`, with their probes and matrices.
+fn clusters(
+    sizes: &Sizes,
+    metadata: &Metadata,
+    n_k: u32,
+    first_stream: u64,
+) -> (Vec<ClusterRecord>, Vec<u32>, Vec<f16>, Vec<f16>) {
+    let (mut records, mut cluster_probes) = (Vec::<ClusterRecord>::new(), Vec::<u32>::new());
+    let (mut projection, mut reconstruction) = (Vec::new(), Vec::new());
+    let hash = |stream: u64, i: u64| counter_hash(sizes.seed, first_stream + stream, i);
+    let number =
+        |stream: u64, i: usize| counter_uniform(sizes.seed, first_stream + stream, i as u64) as f32 * 2.0 - 1.0;
     let mut first_receiver = 0;
     for (i, &n_receivers) in sizes.cluster_receivers.iter().enumerate() {
-        let random = |stream: u64| counter_hash(seed, stream, i as u64) as u32;
-        let listed =
-            (0..n_probes).filter(|probe| counter_hash(seed, 100 + i as u64, u64::from(*probe)).is_multiple_of(2));
-        let first_probe = out.cluster_probes.len() as u32;
-        out.cluster_probes.extend(listed);
-        let n_probes = out.cluster_probes.len() as u32 - first_probe;
-        let n_sky = if random(11) % 2 == 0 { 0 } else { out.metadata.n_sky() as u32 };
+        let random = |stream: u64| hash(stream, i as u64) as u32;
+        let listed = (0..sizes.n_probes).filter(|probe| hash(100 + i as u64, u64::from(*probe)).is_multiple_of(2));
+        let first_probe = cluster_probes.len() as u32;
+        cluster_probes.extend(listed);
+        let n_probes = cluster_probes.len() as u32 - first_probe;
+        let n_sky = if random(11) % 2 == 0 { 0 } else { metadata.n_sky() as u32 };
         let n_coefficients = random(12) % 4;
-        let columns = n_probes * out.metadata.n_sh() as u32 + n_sky;
-        out.clusters.push(ClusterRecord {
+        let columns = n_probes * metadata.n_sh() as u32 + n_sky;
+        records.push(ClusterRecord {
             first_receiver,
             n_receivers,
             first_probe,
             n_probes,
             n_sky,
             n_coefficients,
-            first_light: out.clusters.iter().map(|cluster| cluster.n_coefficients).sum(),
-            projection_pair: out.projection.len() as u32 / 2,
-            reconstruction_pair: out.reconstruction.len() as u32 / 2,
+            first_light: records.iter().map(|cluster| cluster.n_coefficients).sum(),
+            projection_pair: projection.len() as u32 / 2,
+            reconstruction_pair: reconstruction.len() as u32 / 2,
             reserved: 0,
         });
-        let rows = n_receivers * out.metadata.n_k() as u32;
-        append_block(&mut out.projection, n_coefficients * columns, |k| number(200 + i as u64, k));
-        append_block(&mut out.reconstruction, n_coefficients * rows, |k| number(300 + i as u64, k));
+        append_block(&mut projection, n_coefficients * columns, |k| number(200 + i as u64, k));
+        append_block(&mut reconstruction, n_coefficients * n_receivers * n_k, |k| number(300 + i as u64, k));
         first_receiver += n_receivers;
     }
-    out
+    (records, cluster_probes, projection, reconstruction)
 }
 
 fn append_block(values: &mut Vec<f16>, count: u32, number: impl Fn(usize) -> f32) {

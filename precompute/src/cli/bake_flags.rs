@@ -89,6 +89,15 @@ pub struct BakeFlags {
     #[serde(skip_serializing_if = "Option::is_none")]
     unwrap: Option<UnwrapName>,
 
+    /// Light for objects that move: spacing in metres of a grid over the scene box [default: none]
+    #[arg(long, value_name = "M", help_heading = "Volume", allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    volume: Option<f32>,
+    /// SH degree of the light in that grid: 1 or 2
+    #[arg(long, value_name = "L", help_heading = "Volume", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    volume_degree: Option<u32>,
+
     /// A leaf holds fewer receivers than this
     #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -207,6 +216,7 @@ mod tests {
             voxel: Some(1.0),
             interior: vec![[0.0; 3]],
             texel: Some(1.0),
+            volume: Some(1.0),
             max_unseen: Some(1.0),
             ..BakeSettings::default()
         });

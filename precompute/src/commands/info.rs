@@ -4,7 +4,7 @@ use super::{grouped, inputs, print_data, size, to_json};
 use crate::cli;
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
-use localprt_precompute::report::{Unseen, hex};
+use localprt_precompute::report::{Unseen, VolumeFacts, hex};
 use localprt_precompute::settings::BakeSettings;
 use serde::Serialize;
 use serde_json::Value;
@@ -52,6 +52,8 @@ struct Facts {
     probes_per_cluster: f64,
     unseen: Unseen,
     bytes: Bytes,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    volume: Option<Volume>,
     sections: Vec<Section>,
     options: Value,
     report: Value,
@@ -78,6 +80,15 @@ struct Bytes {
     reconstruction: usize,
     relight: usize,
     file: u64,
+}
+
+#[derive(Serialize)]
+struct Volume {
+    origin: [f32; 3],
+    spacing: f32,
+    degree: u32,
+    #[serde(flatten)]
+    facts: VolumeFacts,
 }
 
 #[derive(Serialize)]
@@ -145,6 +156,12 @@ impl Facts {
                     + size_of_val(view.ray_distance),
                 file: baked.file_bytes(),
             },
+            volume: view.volume.map(|volume| Volume {
+                origin: volume.grid.origin,
+                spacing: volume.grid.spacing_m,
+                degree: volume.grid.degree,
+                facts: VolumeFacts::of(&volume),
+            }),
             sections: baked
                 .sections()
                 .iter()
@@ -211,6 +228,13 @@ impl Facts {
                 bytes(self.bytes.relight)
             ),
         );
+        if let Some(Volume { spacing, degree, facts, .. }) = &self.volume {
+            let [x, y, z] = facts.dims;
+            let (receivers, filled) = (grouped(facts.receivers), grouped(facts.filled));
+            let (clusters, bytes) = (grouped(facts.clusters), size(facts.bytes));
+            line("volume", format!("{x} x {y} x {z} cells, {spacing} m apart, degree {degree}"));
+            line("", format!("{receivers} in the open, {filled} filled, {clusters} clusters, {bytes}"));
+        }
         text.push_str("\nsection  element        count       size\n");
         for section in &self.sections {
             let (count, bytes) = (grouped(section.count), size(section.bytes));

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 pub const FLAG_LAYER: &str = "command line";
 
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 23] = [
+const KEYS: [&str; 25] = [
     "spacing",
     "probes",
     "voxel",
@@ -25,6 +25,8 @@ const KEYS: [&str; 23] = [
     "direct_map",
     "gather_rays",
     "relight_rays",
+    "volume",
+    "volume_degree",
     "leaf",
     "threshold",
     "coefficients",
@@ -213,6 +215,7 @@ mod tests {
             voxel: Some(0.01),
             interior: vec![[0.1, 1.0, -2.5], [0.0, 0.0, 0.0]],
             texel: Some(0.05),
+            volume: Some(0.5),
             unwrap: UnwrapBackend::Xatlas,
             max_unseen: Some(0.25),
             ..BakeSettings::default()

@@ -44,11 +44,14 @@ impl BakeSettings {
         }
         whole("gather_rays", self.gather_rays.into(), 1, 1 << 20)?;
         whole("relight_rays", self.relight_rays.into(), 1, 1 << 20)?;
+        positive("volume", self.volume, length)?;
+        whole("volume_degree", self.volume_degree.into(), 1, 2)?;
         whole("leaf", self.leaf.into(), 2, 8192)?;
         // Below, rounding to f16 alone is more.
         real("threshold", self.threshold, 0.001, 1.0)?;
         // A cluster of one receiver must be able to keep all its rows.
-        let least = (u64::from(self.receiver_degree) + 1).pow(2);
+        let degree = self.volume.map_or(0, |_| self.volume_degree).max(self.receiver_degree);
+        let least = (u64::from(degree) + 1).pow(2);
         whole("coefficients", self.coefficients.into(), least, 255)?;
         // A TOML integer is an i64.
         whole("seed", self.seed, 0, i64::MAX as u64)?;
@@ -102,6 +105,11 @@ mod tests {
         assert_eq!(refused(BakeSettings { probe_degree: 11, ..settings() }), "probe_degree");
         assert_eq!(refused(BakeSettings { interior: vec![[0.0, f32::NAN, 0.0]], ..settings() }), "interior");
         assert_eq!(refused(BakeSettings { seed: u64::MAX, ..settings() }), "seed");
+        assert_eq!(refused(BakeSettings { volume: Some(-1.0), ..settings() }), "volume");
+        assert_eq!(refused(BakeSettings { volume_degree: 3, ..settings() }), "volume_degree");
+        let small = BakeSettings { coefficients: 8, volume_degree: 2, ..settings() };
+        assert_eq!(small.check(), Ok(()), "no volume, no need for its rows");
+        assert_eq!(refused(BakeSettings { volume: Some(1.0), ..small }), "coefficients");
         assert_eq!(refused(BakeSettings { max_unseen: Some(1.5), ..settings() }), "max_unseen");
     }
 }

@@ -1,16 +1,28 @@
-//! Gather directions of a receiver: one low-discrepancy set, turned into each receiver's frame.
+//! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
 use glam::Vec3;
 use localprt_formats::{directions, sh};
 use std::f32::consts::PI;
 
-/// A set of directions about +Z with the weights of every receiver output.
+/// Which directions a set holds, and what the outputs measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Domain {
+    /// Hemisphere about the shading normal, cosine-weighted: irradiance.
+    Cosine,
+    /// Hemisphere about the geometric normal, uniform: SH of the radiance there.
+    Hemisphere,
+    /// All directions, uniform, in world axes: SH of the radiance about a point in the open.
+    Sphere,
+}
+
+/// A set of directions with the weights of every receiver output.
 ///
 /// All receivers share one set: neighbouring receivers then differ by what they see and not by where they looked, which
 /// keeps transport rows of a cluster close to a low-dimensional space.
 #[derive(Clone, Debug)]
 pub struct GatherSet {
     directions: Vec<Vec3>,
+    domain: Domain,
     receiver_degree: u32,
 }
 
@@ -20,16 +32,37 @@ impl GatherSet {
     ///
     /// The set is a Fibonacci lattice shifted by `seed`.
     pub fn new(n: u32, receiver_degree: u32, seed: u64) -> Self {
+        Self::over(if receiver_degree == 0 { Domain::Cosine } else { Domain::Hemisphere }, n, receiver_degree, seed)
+    }
+
+    /// `n` directions for receivers in the open: uniform over the sphere, for radiance of the given degree.
+    pub fn sphere(n: u32, degree: u32, seed: u64) -> Self {
+        Self::over(Domain::Sphere, n, degree, seed)
+    }
+
+    fn over(domain: Domain, n: u32, receiver_degree: u32, seed: u64) -> Self {
         let shift = [0, 1].map(|axis| if seed == 0 { 0.0 } else { directions::counter_uniform(seed, 0, axis) });
-        let map = if receiver_degree == 0 { directions::cosine_hemisphere } else { directions::uniform_hemisphere };
+        let map = match domain {
+            Domain::Cosine => directions::cosine_hemisphere,
+            Domain::Hemisphere => directions::uniform_hemisphere,
+            Domain::Sphere => directions::uniform_sphere,
+        };
         let mut directions: Vec<Vec3> =
             (0..n).map(|i| Vec3::from(map(directions::fibonacci_square(i, n, shift)))).collect();
         // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
-        directions.sort_by_cached_key(|direction| (morton(*direction), direction.z.to_bits(), direction.x.to_bits()));
-        Self { directions, receiver_degree }
+        directions.sort_by_cached_key(|direction| {
+            // Of a sphere, the upper half first.
+            (direction.z < 0.0, morton(*direction), direction.z.to_bits(), direction.x.to_bits())
+        });
+        Self { directions, domain, receiver_degree }
     }
 
-    /// Directions about +Z.
+    /// Which directions these are.
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    /// Directions, about +Z or in world axes.
     pub fn directions(&self) -> &[Vec3] {
         &self.directions
     }
@@ -44,22 +77,30 @@ impl GatherSet {
     /// `world` is the ray in world axes.
     pub fn weights(&self, world: Vec3, basis: &sh::Basis, weights: &mut [f32]) {
         let n = self.directions.len() as f32;
-        if self.receiver_degree == 0 {
+        let steradians = match self.domain {
             // Eq. (7): density cos/pi, measured by cos.
-            weights[0] = PI / n;
-        } else {
-            // Eq. (8): density 1/2pi, measured by B_k.
-            basis.evaluate(world.to_array(), weights);
-            for weight in weights {
-                *weight *= 2.0 * PI / n;
+            Domain::Cosine => {
+                weights[0] = PI / n;
+                return;
             }
+            // Eq. (8): density 1/2pi or 1/4pi, measured by B_k.
+            Domain::Hemisphere => 2.0 * PI / n,
+            Domain::Sphere => 4.0 * PI / n,
+        };
+        basis.evaluate(world.to_array(), weights);
+        for weight in weights {
+            *weight *= steradians;
         }
     }
 
-    /// A ray's share of the cosine-weighted hemisphere, given its cosine with the normal.
+    /// A ray's share of the cosine-weighted hemisphere, given its cosine with the normal; of the whole sphere, its share
+    /// of that.
     pub fn cosine_share(&self, cosine: f32) -> f32 {
         let n = self.directions.len() as f32;
-        if self.receiver_degree == 0 { 1.0 / n } else { 2.0 * cosine / n }
+        match self.domain {
+            Domain::Cosine | Domain::Sphere => 1.0 / n,
+            Domain::Hemisphere => 2.0 * cosine / n,
+        }
     }
 
     /// Degree of the receiver outputs.

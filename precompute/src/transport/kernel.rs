@@ -1,6 +1,6 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
-use super::{RayCounts, TransportScene};
+use super::{Domain, RayCounts, TransportScene};
 use crate::rays::{OccluderHint, frame};
 use glam::Vec3;
 use localprt_formats::{
@@ -45,10 +45,33 @@ struct Batch {
 
 /// What a receiver's rays found beside its rows.
 pub(super) struct ReceiverFindings {
-    /// Cosine-weighted share of directions whose surface no supporting probe sees.
+    /// Cosine-weighted share of directions whose surface no supporting probe sees; in the open, plain share.
     pub unseen: f32,
     /// Rays traced.
     pub rays: RayCounts,
+}
+
+/// How a receiver stands on its surface.
+struct Stand {
+    /// Axis of the gather directions.
+    axis: Vec3,
+    normal: Vec3,
+    geometric_normal: Vec3,
+}
+
+impl Stand {
+    fn of(scene: &TransportScene<'_>, receiver: usize) -> Self {
+        let domain = scene.gather.domain();
+        if domain == Domain::Sphere {
+            // The frame of +Z are the world axes; there is no surface to keep off.
+            return Self { axis: Vec3::Z, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO };
+        }
+        let (normal, geometric_normal) = (scene.receivers.normal[receiver], scene.receivers.geometric_normal[receiver]);
+        // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
+        // surface can see.
+        let axis = if domain == Domain::Cosine { normal } else { geometric_normal };
+        Self { axis, normal, geometric_normal }
+    }
 }
 
 /// Fills `workspace.outputs` with the rows of one receiver.
@@ -61,10 +84,7 @@ pub(super) fn receiver_rows(
     let gather = scene.gather;
     let n_k = gather.n_outputs();
     let position = scene.receivers.position[receiver];
-    let geometric_normal = scene.receivers.geometric_normal[receiver];
-    // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
-    // surface can see.
-    let axis = if gather.receiver_degree() == 0 { scene.receivers.normal[receiver] } else { geometric_normal };
+    let Stand { axis, normal, geometric_normal } = Stand::of(scene, receiver);
     let (tangent, bitangent) = frame(axis);
     let origin = position + geometric_normal * caster.offset_m();
     let receiver_basis = sh::Basis::new(gather.receiver_degree());
@@ -92,7 +112,8 @@ pub(super) fn receiver_rows(
     let mut rays = RayCounts::default();
     for local in gather.directions() {
         let dir = tangent * local.x + bitangent * local.y + axis * local.z;
-        if dir.dot(geometric_normal) <= 0.0 {
+        // In the open there is no horizon.
+        if gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
             continue;
         }
         gather.weights(dir, &receiver_basis, &mut workspace.weights);
@@ -121,7 +142,7 @@ pub(super) fn receiver_rows(
             }
         }
         if sum <= LEAST_WEIGHT {
-            unseen += f64::from(gather.cosine_share(dir.dot(scene.receivers.normal[receiver]).max(0.0)));
+            unseen += f64::from(gather.cosine_share(dir.dot(normal).max(0.0)));
             continue;
         }
         for &(slot, psi) in &workspace.visible {

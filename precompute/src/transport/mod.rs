@@ -3,14 +3,14 @@
 //! For every receiver the incident directions are sampled by gather rays. Each ray's surface point Γ is looked up in the
 //! supporting probes that see that side of that point, by Eq. (2), and the contributions of all rays add up to the row
 //! of weights from probe radiance to irradiance (Eq. 7) or to receiver radiance (Eqs. 8, 9). Rays that leave the scene
-//! fill the sky columns: the sky is a virtual probe of infinite support.
+//! fill the sky columns: the sky is a virtual probe of infinite support. Receivers of a volume gather over the whole sphere.
 
 mod gather;
 mod kernel;
 #[cfg(test)]
 mod tests;
 
-pub use gather::GatherSet;
+pub use gather::{Domain, GatherSet};
 
 use crate::{
     lightmap::ReceiverSet,
@@ -23,7 +23,7 @@ use localprt_formats::sh;
 pub struct TransportScene<'a> {
     /// Ray queries.
     pub caster: &'a RayCaster<'a>,
-    /// All receivers.
+    /// All receivers; for a gather set over the sphere, with positions alone.
     pub receivers: &'a ReceiverSet,
     /// All probes.
     pub probes: &'a ProbeSet,

@@ -233,3 +233,44 @@ fn what_no_probe_sees_is_counted() {
     assert!(rows.unseen[0] > 0.24, "{}", rows.unseen[0]);
     assert!((seen + rows.unseen[0] - 1.0).abs() < 1e-4, "{seen} {}", rows.unseen[0]);
 }
+
+#[test]
+fn a_point_in_the_open_gets_the_sky_as_it_is() {
+    // One small triangle far below. Orthonormal functions: the row of output k is 1 at the sky's function k and 0 elsewhere.
+    let scene = room(Vec3::splat(1e-3), None);
+    let receivers = [(Vec3::new(0.0, 5.0, 0.0), Vec3::ZERO), (Vec3::new(4.0, 1.0, -3.0), Vec3::ZERO)];
+    let mut setup = Setup::new(&receivers, &[Vec3::new(0.0, 6.0, 0.0)], 8.0);
+    // No normal is read.
+    setup.receivers.normal.clear();
+    setup.receivers.geometric_normal.clear();
+    for degree in [1, 2] {
+        let rows = setup.rows(&scene, &GatherSet::sphere(1024, degree, 0), 2, 3);
+        assert_eq!((rows.n_k, rows.unseen.clone()), (sh::function_count(degree), vec![0.0; 2]));
+        for (index, row) in rows.rows.chunks_exact(rows.n_columns).enumerate() {
+            let k = index % rows.n_k;
+            for (s, value) in row[9..].iter().enumerate() {
+                let expected = if s == k { 1.0 } else { 0.0 };
+                // The constant is exact. Products of functions are smooth: about n^(-3/2) of the lattice, times their size.
+                let tolerance = if (k, s) == (0, 0) { 1e-5 } else { 5e-3 };
+                assert!((value - expected).abs() < tolerance, "degree {degree}: {k} {s}: {value}");
+            }
+            assert!(row[..9].iter().all(|value| *value == 0.0), "nothing but sky");
+        }
+    }
+}
+
+#[test]
+fn a_probe_at_a_point_in_a_room_hands_on_its_radiance() {
+    // psi is omega where the probe is the receiver: the row of output k is 1 at the probe's function k and 0 elsewhere.
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let at = Vec3::new(0.3, -0.2, 0.4);
+    let setup = Setup::new(&[(at, Vec3::ZERO)], &[at], 8.0);
+    let rows = setup.rows(&room(half, None), &GatherSet::sphere(4096, 2, 0), 3, 0);
+    assert!(rows.unseen[0] < 1e-3, "{}", rows.unseen[0]);
+    for (k, row) in rows.rows.chunks_exact(rows.n_columns).enumerate() {
+        for (j, value) in row[..16].iter().enumerate() {
+            let expected = if j == k { 1.0 } else { 0.0 };
+            assert!((value - expected).abs() < 5e-3, "{k} {j}: {value}");
+        }
+    }
+}

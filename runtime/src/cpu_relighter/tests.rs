@@ -168,6 +168,45 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn the_volume_holds_the_radiance_that_the_last_gather_read() {
+    for degree in [1, 2] {
+        let arrays = test_bake::furnace_volume(2, degree);
+        let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+        let n_k = gi.baked().volume().unwrap().n_k();
+        assert!(gi.volume().unwrap().iter().all(|value| *value == Vec3::ZERO));
+        let surface = uniform_surface(8, 0.5, 2.0, 0.0);
+        let inputs = RelightInputs { bounces: 3, ..RelightInputs::new(&surface) };
+        gi.relight(&inputs).unwrap();
+        // The surface as the third gather saw it: e + a / pi * E of two gathers.
+        let radiance = 2.0 + 0.5 / PI * furnace_irradiance(0.5, 2.0, 2);
+        let constant = (4.0 * PI).sqrt() * radiance;
+        let cells = gi.volume().unwrap();
+        for (cell, source) in [(0, 4.0), (1, 1.0), (2, 2.0), (3, 3.0), (4, 4.0), (5, 5.0), (6, 6.0)] {
+            let values = &cells[cell * n_k..][..n_k];
+            for (k, factor) in [(0, 1.0), (1, 0.0), (3, 0.25 * source)] {
+                assert!(
+                    (f64::from(values[k].x) - factor * constant).abs() <= FURNACE_TOLERANCE * constant,
+                    "{cell} {k}"
+                );
+            }
+        }
+        assert!(cells[7 * n_k..].iter().all(|value| *value == Vec3::ZERO));
+        // Step by step it is the same light; the lightmap does not know of the volume.
+        let (relit, cells) = (gi.relit().clone(), cells.to_vec());
+        gi.reset();
+        assert!(gi.volume().unwrap().iter().all(|value| *value == Vec3::ZERO));
+        for _ in 0..3 {
+            gi.step(&inputs).unwrap();
+        }
+        assert_eq!((gi.relit(), gi.volume().unwrap()), (&relit, &cells[..]));
+        let without = test_bake::furnace(2);
+        let mut other = CpuRelighter::new(without.view()).unwrap();
+        assert_eq!(other.relight(&inputs).unwrap(), &relit);
+        assert!(other.volume().is_none() && other.volume_sampler().is_none());
+    }
+}
+
+#[test]
 fn wrong_inputs_are_refused_and_leave_the_light_alone() {
     let arrays = test_bake::furnace(1);
     let mut gi = CpuRelighter::new(arrays.view()).unwrap();

@@ -4,6 +4,7 @@
 //!
 //! [`direct_lightmap`] -> [`lightmap_mips`] -> [`probe_relight`] -> [`cluster_projection`] ->
 //! [`receiver_reconstruction`] -> [`gutter_dilation`]; the last one's map is the next gather's feedback.
+//! After the last gather of a relight [`cluster_projection`], [`receiver_reconstruction`] and [`volume_fill`] light the volume.
 //! [`CpuRelighter`](crate::CpuRelighter) is the one file that knows this order.
 
 pub mod cluster_projection;
@@ -14,6 +15,7 @@ pub mod lightmap_mips;
 pub mod probe_relight;
 pub mod receiver_reconstruction;
 pub mod shadow_map;
+pub mod volume_fill;
 
 /// Splits off the given ranges, which must rise and not overlap, so that they can be written in parallel.
 fn split_ranges<T>(mut values: &mut [T], ranges: impl Iterator<Item = std::ops::Range<usize>>) -> Vec<&mut [T]> {
