@@ -37,6 +37,6 @@ pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 pub use passes::volume_fill::VolumeSampler;
 #[cfg(feature = "gpu")]
-pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};
+pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions, VolumeTextures};
 pub use sky::sky_sh;
 pub use surface::SceneTexels;

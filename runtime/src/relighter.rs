@@ -12,10 +12,11 @@ use crate::passes::lightmap_mips::{LightMap, LightmapMipsPass};
 use crate::passes::probe_relight::ProbeRelightPass;
 use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
 use crate::passes::shadow_map::ShadowCasters;
+use crate::passes::volume_fill::GpuVolume;
 use crate::surface::SceneTexels;
 use crate::transport_pages::{self, TransportPage};
 use glam::Vec3;
-use localprt_formats::{BakedView, MAX_LEVEL};
+use localprt_formats::{BakedView, MAX_LEVEL, VolumeGrid};
 use localprt_scenes::{Light, MaterialOverride};
 
 /// Precision in which a map is stored.
@@ -78,6 +79,16 @@ pub enum DirectLight<'a> {
     Texture(&'a wgpu::TextureView),
 }
 
+/// Textures of a volume, for trilinear reads at `(position - origin) / spacing + 0.5` texels.
+#[derive(Clone, Copy, Debug)]
+pub struct VolumeTextures<'a> {
+    /// Where the cells lie.
+    pub grid: &'a VolumeGrid,
+    /// A 3D texture per SH coefficient of the incident radiance, world axes, 4 of degree 1 or 9 of degree 2: coefficient
+    /// times weight in rgb, weight in alpha. Divide after filtering; alpha 0 is a place without light.
+    pub coefficients: &'a [wgpu::TextureView],
+}
+
 /// Relights one baked file with compute shaders. The CPU reference of every pass is [`crate::CpuRelighter`].
 ///
 /// Needs nothing beyond the limits that WebGPU guarantees. Everything set takes effect with the next
@@ -96,6 +107,7 @@ pub struct Relighter {
     cluster_projection: ClusterProjectionPass,
     receiver_reconstruction: ReceiverReconstructionPass,
     gutter_dilation: GutterDilationPass,
+    volume: Option<GpuVolume>,
     direct_pass: Option<DirectPass>,
     lights: Vec<Light>,
     lights_changed: bool,
@@ -148,6 +160,10 @@ impl Relighter {
             cluster_projection: ClusterProjectionPass::new(device, &pages, &probe_relight.probe_radiance, n_columns),
             receiver_reconstruction: ReceiverReconstructionPass::new(device, &pages, baked.n_k()),
             gutter_dilation: GutterDilationPass::new(device, &baked, &pages, &maps),
+            volume: baked
+                .volume()
+                .map(|volume| GpuVolume::new(device, volume, &probe_relight.probe_radiance))
+                .transpose()?,
             direct_pass: None,
             lights: Vec::new(),
             lights_changed: false,
@@ -279,6 +295,9 @@ impl Relighter {
             }
         }
         self.cluster_projection.set_sky(&self.queue, sky_sh);
+        if let Some(volume) = &self.volume {
+            volume.set_sky(&self.queue, sky_sh);
+        }
         self.probe_relight.set_sky_rays(&self.queue, sky_rays);
         Ok(())
     }
@@ -325,7 +344,8 @@ impl Relighter {
             self.encode_lights(encoder);
         }
         if self.must_clear {
-            for page in &self.pages {
+            let volume_pages = self.volume.iter().flat_map(|volume| &volume.pages);
+            for page in self.pages.iter().chain(volume_pages) {
                 encoder.clear_buffer(&page.coefficients, 0, None);
             }
             self.pass(encoder, "gutter_dilation", |this, pass| this.gutter_dilation.encode(pass));
@@ -356,10 +376,32 @@ impl Relighter {
             self.pass(encoder, "gutter_dilation", |this, pass| this.gutter_dilation.encode(pass));
             self.gathers += 1;
         }
+        // The volume feeds nothing back: once, after the last gather.
+        if self.volume.is_some() {
+            for (name, record) in GpuVolume::PASSES {
+                self.pass(encoder, name, |this, pass| this.volume.iter().for_each(|volume| record(volume, pass)));
+            }
+        }
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.end_frame(encoder);
         }
         Ok(())
+    }
+
+    /// Records one pass of a gather alone, by its name in [`Relighter::traffic`], for measuring; false for a name that is
+    /// none.
+    pub fn encode_pass(&mut self, encoder: &mut wgpu::CommandEncoder, name: &str) -> bool {
+        let passes: [(&'static str, fn(&Self, &mut wgpu::ComputePass<'_>)); 6] = [
+            ("direct_lightmap", |this, pass| this.direct_lightmap.encode(pass)),
+            ("lightmap_mips", |this, pass| this.lightmap_mips.encode(pass)),
+            ("probe_relight", |this, pass| this.probe_relight.encode(pass)),
+            ("cluster_projection", |this, pass| this.cluster_projection.encode(pass)),
+            ("receiver_reconstruction", |this, pass| this.receiver_reconstruction.encode(pass)),
+            ("gutter_dilation", |this, pass| this.gutter_dilation.encode(pass)),
+        ];
+        let Some((name, record)) = passes.into_iter().find(|(known, _)| *known == name) else { return false };
+        self.pass(encoder, name, record);
+        true
     }
 
     /// Shadow maps and direct irradiance.
@@ -412,6 +454,12 @@ impl Relighter {
     /// specular light. `None` for a file of receiver degree 0.
     pub fn radiance_view(&self) -> Option<&wgpu::TextureView> {
         (self.sizes.n_k == 4).then_some(&self.maps.radiance_view)
+    }
+
+    /// Light in the open space for objects that move, if the file has a volume.
+    pub fn volume(&self) -> Option<VolumeTextures<'_>> {
+        let volume = self.volume.as_ref()?;
+        Some(VolumeTextures { grid: &volume.grid, coefficients: &volume.views })
     }
 
     /// SH radiance of the probes, `[n_probes, n_sh]` of vec4f, for display.
@@ -513,6 +561,20 @@ impl Relighter {
         ]
     }
 
+    /// `[n_volume_receivers, n_k]` coefficients of the volume's valid cells; empty without a volume. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`].
+    pub fn read_volume(&self) -> Result<Vec<Vec3>, RelightError> {
+        let mut all = Vec::new();
+        if let Some(volume) = &self.volume {
+            for page in volume.pages.iter().filter(|page| !page.receivers.is_empty()) {
+                all.extend_from_slice(&self.read_colors(&page.coefficients)?[..page.receivers.len() * volume.n_k]);
+            }
+        }
+        Ok(all)
+    }
+
     /// Device memory by purpose, bytes.
     pub fn memory(&self) -> Vec<(&'static str, u64)> {
         let pages = |size: fn(&TransportPage) -> u64| self.pages.iter().map(size).sum::<u64>();
@@ -536,6 +598,7 @@ impl Relighter {
         ];
         memory.extend_from_slice(self.probe_relight.memory());
         memory.extend(self.direct_lightmap.memory());
+        memory.extend(self.volume.iter().flat_map(GpuVolume::memory));
         memory.extend(self.direct_pass.iter().flat_map(DirectPass::memory));
         memory.push(("light map", texture(&self.light_map.texture)));
         memory.push(("irradiance map", texture(&self.maps.irradiance)));

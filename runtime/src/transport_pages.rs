@@ -30,6 +30,24 @@ pub(crate) struct TransportPage {
     pub(crate) coefficients: wgpu::Buffer,
 }
 
+impl TransportPage {
+    /// All its buffers.
+    pub(crate) fn bytes(&self) -> u64 {
+        [
+            &self.clusters,
+            &self.cluster_probes,
+            &self.projection,
+            &self.cluster_lights,
+            &self.receiver_cluster,
+            &self.reconstruction,
+            &self.coefficients,
+        ]
+        .map(wgpu::Buffer::size)
+        .into_iter()
+        .sum()
+    }
+}
+
 /// Splits and uploads a transport.
 ///
 /// # Errors

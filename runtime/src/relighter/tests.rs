@@ -526,3 +526,49 @@ fn lights_shine_through_shadow_maps_into_the_probes() {
         assert!(times.iter().all(|time| time.name != "shadow_map"), "{times:?}");
     }
 }
+
+#[test]
+fn the_volume_equals_its_twin_in_buffers_and_textures() {
+    let Some((device, queue)) = device("the_volume_equals_its_twin_in_buffers_and_textures") else { return };
+    for degree in [1, 2] {
+        let arrays = test_bake::furnace_volume(2, degree);
+        let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+        let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+        let surface = surface(arrays.metadata.direct_size, 5);
+        gpu.set_surface(&surface).unwrap();
+        let inputs = RelightInputs::new(&surface);
+        cpu.step(&inputs).unwrap();
+        cpu.step(&inputs).unwrap();
+        frame(&mut gpu, &DirectLight::Irradiance);
+        frame(&mut gpu, &DirectLight::Irradiance);
+        let cells = cpu.volume().expect("a volume");
+        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let volume = baked.volume().expect("a volume");
+        let n_k = volume.n_k();
+        let of_receivers: Vec<Vec3> =
+            volume.view().cells.iter().flat_map(|&cell| cells[cell as usize * n_k..][..n_k].iter().copied()).collect();
+        assert_close("volume coefficients", &gpu.read_volume().unwrap(), &of_receivers, TOLERANCE);
+
+        let textures = gpu.volume().expect("a volume");
+        assert_eq!((textures.grid, textures.coefficients.len()), (volume.grid(), n_k));
+        for (k, texture) in gpu.volume.as_ref().unwrap().textures.iter().enumerate() {
+            let (_, texels) = map_texels(&gpu, texture, 0);
+            assert_eq!(texels.len(), volume.n_cells());
+            for (cell, texel) in texels.iter().enumerate() {
+                let weight = match volume.validity()[cell] {
+                    crate::Validity::Empty => 0.0,
+                    crate::Validity::Filled => 1.0 / 64.0,
+                    crate::Validity::Valid => 1.0,
+                };
+                assert_eq!(texel.w, weight, "cell {cell}");
+                let expected = cells[cell * n_k + k] * weight;
+                // f16, cut off at worst.
+                let allowed = expected.abs() * 2f32.powi(-10) + 1e-6;
+                assert!(
+                    (texel.truncate() - expected).abs().cmple(allowed).all(),
+                    "cell {cell}, {k}: {texel}, {expected}"
+                );
+            }
+        }
+    }
+}
