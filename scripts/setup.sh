@@ -3,18 +3,21 @@
 # Baking needs nothing but these. Optional tools that cannot be had are named, and are no failure unless asked for:
 #   scripts/setup.sh                     Rust, a linker and a C++ compiler
 #   scripts/setup.sh --require-xatlas    libclang as well, or exit code 1
+#   scripts/setup.sh --require-gpu       a driver for the GPU tests as well, or exit code 1
 # With --print-xatlas the last line on standard output is "yes" or "no": whether the feature xatlas can be built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 require_xatlas=false
+require_gpu=false
 print_xatlas=false
 for argument in "$@"; do
     case $argument in
         --require-xatlas) require_xatlas=true ;;
+        --require-gpu) require_gpu=true ;;
         --print-xatlas) print_xatlas=true ;;
         *)
-            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --print-xatlas)" >&2
+            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --print-xatlas)" >&2
             exit 2
             ;;
     esac
@@ -66,6 +69,16 @@ has_clang_headers() {
         compgen -G "/usr/lib*/clang/*/include/stddef.h" >/dev/null
 }
 
+# A Vulkan loader and a driver for it. Elsewhere the system brings its own interface to the GPU.
+has_gpu_driver() {
+    [ "$(uname)" != Linux ] && return
+    ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || return 1
+    [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] ||
+        compgen -G "/usr/share/vulkan/icd.d/*.json" >/dev/null ||
+        compgen -G "/usr/local/share/vulkan/icd.d/*.json" >/dev/null ||
+        compgen -G "/etc/vulkan/icd.d/*.json" >/dev/null
+}
+
 # Needed by everything.
 if ! has cargo; then
     say "Rust is missing; install it with: curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh"
@@ -84,6 +97,16 @@ fi
 if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
     say "a C++ compiler is missing (the picture metric FLIP is C++); install g++ or clang"
     exit 1
+fi
+
+# Needed by the GPU tests only; Mesa's lavapipe runs them without a GPU.
+if ! has_gpu_driver && ! install libvulkan1 mesa-vulkan-drivers; then
+    say "GPU tests need a Vulkan driver (Debian, Ubuntu: libvulkan1 mesa-vulkan-drivers;" \
+        "Fedora: vulkan-loader mesa-vulkan-drivers)"
+    if $require_gpu; then
+        exit 1
+    fi
+    say "going on without it; they are skipped, and --backend gpu will say that there is no adapter"
 fi
 
 # Needed by the feature xatlas only.

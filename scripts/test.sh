@@ -1,18 +1,26 @@
 #!/usr/bin/env bash
 # Everything that CI runs: format, lints, documentation, tests. All in one profile, with one set of features and one
 # target folder, so that every dependency is built once.
-#   CI=true    requires what is optional elsewhere: the feature xatlas
+#   CI=true    requires what is optional elsewhere: the feature xatlas, and a driver for the GPU tests
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 if [ "${CI:-}" = true ]; then
-    xatlas=$(scripts/setup.sh --require-xatlas --print-xatlas)
+    xatlas=$(scripts/setup.sh --require-xatlas --require-gpu --print-xatlas)
+    export REQUIRE_GPU=1
 else
     xatlas=$(scripts/setup.sh --print-xatlas)
 fi
 features=()
 if [ "$xatlas" = yes ]; then
     features=(--features localprt-precompute/xatlas)
+fi
+
+# Vulkan drivers complain about a missing one.
+if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
+    XDG_RUNTIME_DIR=$(mktemp -d)
+    export XDG_RUNTIME_DIR
+    trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
 fi
 
 step() {

@@ -3,11 +3,12 @@
 //!
 //! Usage: `cargo run --release --example gpu_timing [-- FILE.lprt]`. Without a file, on synthetic bakes of the size of
 //! the paper's Sponza and of ten times that, in the paper's clusters and in the smaller ones that this program makes.
-//! Medians of the frames after the first three. Needs an adapter with timestamp queries.
+//! Medians of the frames after the first three: by timestamps, or, on an adapter in software, by the clock with every
+//! pass submitted alone.
 
 use localprt_formats::{Baked, BakedView};
-use localprt_runtime::gpu::{copy_bandwidth, headless};
-use localprt_runtime::{DirectLight, PassTime, Relighter, RelighterOptions, SurfaceTexels};
+use localprt_runtime::gpu::{Clock, copy_bandwidth, headless};
+use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SurfaceTexels};
 use synthetic::Shape;
 
 mod synthetic;
@@ -17,15 +18,16 @@ const FRAMES: usize = 11;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (device, queue) = pollster::block_on(headless())?;
-    println!("adapter: {}", device.adapter_info().name);
-    let Some(copy) = copy_bandwidth(&device, &queue, 1 << 28)? else {
-        return Err("this adapter has no timestamp queries".into());
-    };
+    let adapter = device.adapter_info();
+    // Drivers in software finish a pass long after they have written its timestamps.
+    let clock = if adapter.device_type == wgpu::DeviceType::Cpu { Clock::Wall } else { Clock::Timestamps };
+    println!("adapter: {} ({:?}), times by {clock:?}", adapter.name, adapter.device_type);
+    let copy = copy_bandwidth(&device, &queue, 1 << 28, clock)?;
     println!("plain copy: {copy:.1} GB/s (read and written)\n");
     let surface = synthetic::surface();
     if let Some(path) = std::env::args().nth(1) {
         let baked = Baked::open(&path)?;
-        return time(&device, &queue, &path, baked.view(), &surface, copy);
+        return time(&device, &queue, &path, baked.view(), &surface, (clock, copy));
     }
     for (name, shape) in [
         ("Sponza as in the paper", Shape::PAPER),
@@ -34,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("10 x Sponza in small clusters", Shape::OURS.times(10)),
     ] {
         let arrays = synthetic::bake(shape, &surface);
-        time(&device, &queue, name, arrays.view(), &surface, copy)?;
+        time(&device, &queue, name, arrays.view(), &surface, (clock, copy))?;
     }
     Ok(())
 }
@@ -45,18 +47,37 @@ fn time(
     name: &str,
     view: BakedView<'_>,
     surface: &SurfaceTexels,
-    copy: f64,
+    (clock, copy): (Clock, f64),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let mut relighter = Relighter::new(device, queue, view, RelighterOptions::default())?;
     relighter.set_surface(surface)?;
-    let mut frames: Vec<Vec<PassTime>> = Vec::new();
-    for _ in 0..WARM_UP + FRAMES {
+    // (pass, milliseconds) of all frames.
+    let mut times: Vec<(&'static str, f64)> = Vec::new();
+    for frame in 0..WARM_UP + FRAMES {
         let mut encoder = device.create_command_encoder(&Default::default());
         relighter.encode(&mut encoder, &DirectLight::Irradiance)?;
         queue.submit([encoder.finish()]);
-        frames.push(relighter.wait_for_pass_times().ok_or("no times have arrived")?);
+        let of_frame = relighter.wait_for_pass_times();
+        if frame < WARM_UP {
+            continue;
+        }
+        match clock {
+            Clock::Timestamps => {
+                let of_frame = of_frame.ok_or("this adapter has no timestamp queries")?;
+                times.extend(of_frame.iter().map(|time| (time.name, time.milliseconds)));
+            }
+            Clock::Wall => {
+                for (pass, _) in relighter.traffic() {
+                    let mut encoder = device.create_command_encoder(&Default::default());
+                    relighter.encode_pass(&mut encoder, pass);
+                    let start = std::time::Instant::now();
+                    queue.submit([encoder.finish()]);
+                    device.poll(wgpu::PollType::wait_indefinitely())?;
+                    times.push((pass, start.elapsed().as_secs_f64() * 1e3));
+                }
+            }
+        }
     }
-    let frames = &frames[WARM_UP..];
     println!(
         "{name}: {} receivers, {} clusters, {} probes",
         view.receiver_texel.len(),
@@ -65,12 +86,9 @@ fn time(
     );
     let mut total = 0.0;
     for (pass, bytes) in relighter.traffic() {
-        let mut times: Vec<f64> = frames
-            .iter()
-            .filter_map(|frame| frame.iter().find(|time| time.name == pass).map(|time| time.milliseconds))
-            .collect();
-        times.sort_by(f64::total_cmp);
-        let ms = times[times.len() / 2];
+        let mut of_pass: Vec<f64> = times.iter().filter(|(name, _)| *name == pass).map(|(_, ms)| *ms).collect();
+        of_pass.sort_by(f64::total_cmp);
+        let ms = of_pass[of_pass.len() / 2];
         total += ms;
         let gb_per_s = bytes as f64 / ms * 1e-6;
         println!(

@@ -9,7 +9,10 @@ use localprt_precompute::{
     relight,
     settings::BakeSettings,
 };
-use localprt_runtime::{CpuRelighter, RelightInputs};
+use localprt_runtime::{
+    CheckedBake, CpuRelighter, DirectLight, RelightInputs, Relighter, RelighterOptions, Relit, ShadowCasters,
+    gpu::headless, sky_sh,
+};
 use localprt_scenes::{Lighting, Scene, builtin};
 use std::path::PathBuf;
 
@@ -51,6 +54,48 @@ pub fn relit<T>(baked: &BakeOutput, lighting: &Lighting, bounces: u32, look: imp
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
     relighter.relight(&inputs).expect("inputs of the right size");
     look(&relighter)
+}
+
+/// The same on the GPU, direct light by shadow maps or traced; `None`, with a line that says so, without an adapter.
+pub fn irradiance_on_gpu(
+    test: &str,
+    baked: &BakeOutput,
+    lighting: &Lighting,
+    bounces: u32,
+    shadow_maps: bool,
+) -> Option<Vec<Vec3>> {
+    let (device, queue) = match pollster::block_on(headless()) {
+        Ok(found) => found,
+        Err(error) if std::env::var_os("REQUIRE_GPU").is_some() => panic!("{test}: {error}"),
+        Err(error) => {
+            eprintln!("SKIPPED {test}: {error}");
+            return None;
+        }
+    };
+    let scene = &baked.scene;
+    let caster = RayCaster::new(scene).expect("tree");
+    let view = baked.arrays.view();
+    let texels = relight::scene_texels(scene, &Atlas::of(scene), &view);
+    let mut relighter = Relighter::new(&device, &queue, view, RelighterOptions::default()).expect("room on the device");
+    relighter.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene that fits");
+    let overrides = relight::material_overrides(scene, lighting);
+    relighter.set_materials(&overrides, lighting.albedo_override).expect("finite colors");
+    relighter.set_sky(&sky_sh(&lighting.sky, view.metadata.sky_degree), &[]).expect("a sky of the file's degree");
+    let direct = if shadow_maps {
+        relighter.set_lights(&lighting.lights);
+        DirectLight::Lights
+    } else {
+        relighter.set_direct(&relight::traced_irradiance(&caster, &texels, &lighting.lights)).expect("one per texel");
+        DirectLight::Irradiance
+    };
+    for _ in 0..bounces {
+        let mut encoder = device.create_command_encoder(&Default::default());
+        relighter.encode(&mut encoder, &direct).expect("inputs that fit");
+        queue.submit([encoder.finish()]);
+    }
+    let coefficients = relighter.read_coefficients().expect("a device that answers");
+    let checked = CheckedBake::new(view).expect("consistent arrays");
+    Some(Relit::of_coefficients(&checked, coefficients).irradiance)
 }
 
 /// Mean of the three bands over some receivers.

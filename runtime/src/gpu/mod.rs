@@ -4,7 +4,7 @@ mod copy_bandwidth;
 pub mod readback;
 mod timestamps;
 
-pub use copy_bandwidth::copy_bandwidth;
+pub use copy_bandwidth::{Clock, copy_bandwidth};
 
 pub use timestamps::PassTime;
 pub(crate) use timestamps::Timestamps;
