@@ -27,6 +27,9 @@ pub fn cluster_projection(
     assert_eq!(probe_radiance.len(), transport.n_probes * n_sh);
     assert!(sky_sh.is_empty() || sky_sh.len() == transport.n_sky);
     assert_eq!(cluster_lights.len(), transport.n_cluster_lights);
+    // Each band for itself, once: clusters then copy runs of it.
+    let planes = [0, 1, 2].map(|band| probe_radiance.iter().map(|color| color[band]).collect::<Vec<f32>>());
+    let sky_planes = [0, 1, 2].map(|band| sky_sh.iter().map(|color| color[band]).collect::<Vec<f32>>());
     let lights =
         split_ranges(cluster_lights, (0..transport.clusters.len()).map(|cluster| transport.light_range(cluster)));
     lights.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (cluster, lights)| {
@@ -36,11 +39,11 @@ pub fn cluster_projection(
         scratch.input.iter_mut().for_each(Vec::clear);
         let probes = &transport.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
         for &probe in probes {
-            scratch.push(&probe_radiance[probe as usize * n_sh..][..n_sh]);
+            scratch.push(&planes, probe as usize * n_sh, n_sh);
         }
         // A black sky adds nothing: its columns are left out of the sum.
         if record.n_sky > 0 {
-            scratch.push(sky_sh);
+            scratch.push(&sky_planes, 0, sky_sh.len());
         }
         let n_columns = probes.len() * n_sh + record.n_sky as usize;
         let n_used = scratch.input[0].len();
@@ -61,11 +64,10 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn push(&mut self, colors: &[Vec3]) {
-        let [red, green, blue] = &mut self.input;
-        red.extend(colors.iter().map(|color| color.x));
-        green.extend(colors.iter().map(|color| color.y));
-        blue.extend(colors.iter().map(|color| color.z));
+    fn push(&mut self, planes: &[Vec<f32>; 3], first: usize, n: usize) {
+        for (band, plane) in self.input.iter_mut().zip(planes) {
+            band.extend_from_slice(&plane[first..first + n]);
+        }
     }
 }
 
