@@ -532,10 +532,10 @@ impl Relighter {
         let texel = |texture: &wgpu::Texture| u64::from(texture.format().block_copy_size(None).unwrap_or(16));
         let size = u64::from(self.sizes.direct_size);
         let light_map_texel = texel(&self.light_map.texture);
-        let irradiance_map = u64::from(self.sizes.lightmap_size).pow(2) * texel(&self.maps.irradiance);
         let lights = pages(|page| page.cluster_lights.size());
         let coefficients = pages(|page| page.coefficients.size());
         let n_fills = self.gutter_dilation.n_fills();
+        let irradiance_map = n_fills * texel(&self.maps.irradiance);
         let lookups = 4 * light_map_texel * self.sizes.n_light_map_rays;
         vec![
             ("direct_lightmap", self.direct_lightmap.traffic(light_map_texel) + irradiance_map),
