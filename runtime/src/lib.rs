@@ -6,6 +6,7 @@ pub mod cpu_relighter;
 pub mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod host_shading;
 mod occluder;
 pub mod passes;
 #[cfg(feature = "gpu")]
@@ -34,4 +35,6 @@ pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions};
+#[cfg(feature = "gpu")]
+pub use shaders::HOST_WGSL;
 pub use surface::SceneTexels;
