@@ -30,7 +30,7 @@ pub use error::RelightError;
 pub use gpu::PassTime;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 #[cfg(feature = "gpu")]
-pub use passes::direct_irradiance::DirectOptions;
+pub use passes::direct_irradiance::{DIRECT_LIGHT_WGSL, DirectOptions};
 pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 #[cfg(feature = "gpu")]
