@@ -7,6 +7,7 @@ pub mod cpu_relighter;
 pub mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod host_shading;
 mod occluder;
 pub mod passes;
 #[cfg(feature = "gpu")]
@@ -32,11 +33,13 @@ pub use error::RelightError;
 pub use gpu::PassTime;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 #[cfg(feature = "gpu")]
-pub use passes::direct_irradiance::DirectOptions;
+pub use passes::direct_irradiance::{DIRECT_LIGHT_WGSL, DirectOptions};
 pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 pub use passes::volume_fill::VolumeSampler;
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions, VolumeTextures};
+#[cfg(feature = "gpu")]
+pub use shaders::HOST_WGSL;
 pub use sky::sky_sh;
 pub use surface::SceneTexels;

@@ -224,6 +224,24 @@ impl Relighter {
         self.lights = lights.to_vec();
     }
 
+    /// Triangles that cast shadows besides those of the scene and may be others every frame, such as moving objects; none
+    /// until set, and none after [`Relighter::set_scene`].
+    ///
+    /// # Errors
+    /// [`RelightError::NoScene`], those of [`ShadowCasters::check`], [`RelightError::Limit`].
+    pub fn set_moving_casters(&mut self, casters: &ShadowCasters) -> Result<(), RelightError> {
+        let direct_pass = self.direct_pass.as_mut().ok_or(RelightError::NoScene)?;
+        direct_pass.set_moving_casters(&self.device, casters)?;
+        self.lights_changed = true;
+        Ok(())
+    }
+
+    /// Lights and shadow maps for the host's own shaders: see [`DirectPass::light_layout`] and
+    /// [`DirectPass::light_group`]. `None` without a scene.
+    pub fn direct_pass(&self) -> Option<&DirectPass> {
+        self.direct_pass.as_ref()
+    }
+
     /// Surface facts and direct irradiance at once, as the CPU relighter takes them; no material table, no shadow maps.
     ///
     /// # Errors

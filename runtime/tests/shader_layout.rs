@@ -13,6 +13,17 @@ fn wgsl_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// The parts that the head of a shader says it follows, in its order.
+fn parts_before(text: &str, files: &[PathBuf]) -> String {
+    let follows = text.lines().find_map(|line| line.strip_prefix("// Follows "));
+    let names = follows.into_iter().flat_map(|names| names.split([' ', ','])).map(|name| name.trim_end_matches('.'));
+    let part = |name: &str| {
+        let file = files.iter().find(|file| file.file_name().is_some_and(|found| found == name));
+        std::fs::read_to_string(file.unwrap_or_else(|| panic!("no {name}"))).expect("shader part")
+    };
+    names.filter(|name| name.ends_with(".wgsl")).map(part).collect()
+}
+
 #[test]
 fn every_shader_validates_with_what_webgpu_guarantees() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -20,16 +31,19 @@ fn every_shader_validates_with_what_webgpu_guarantees() {
     wgsl_files(&src, &mut files);
     let shared = ["common.wgsl", "sh.wgsl"]
         .map(|name| std::fs::read_to_string(src.join("shaders").join(name)).expect("shared shader part"));
+    let host = std::fs::read_to_string(src.join("shaders/host.wgsl")).expect("host.wgsl");
+    assert!(naga::front::wgsl::parse_str(&host).is_ok(), "host.wgsl stands alone");
     let mut n_passes = 0;
     for file in files.iter().filter(|file| file.starts_with(src.join("passes"))) {
-        let mut text = std::fs::read_to_string(file).expect("shader");
-        // The lookup in a shadow map is shared by what draws the maps and what reads them.
-        if text.contains("shadow_view.wgsl") {
-            let view = src.join("passes/shadow_map/shadow_view.wgsl");
-            text = [&text, &std::fs::read_to_string(view).expect("shared shader part")].map(String::as_str).join("\n");
+        let text = std::fs::read_to_string(file).expect("shader");
+        if !["@compute", "@vertex"].iter().any(|stage| text.contains(stage)) {
+            // A part, checked with the shaders that follow it.
+            continue;
         }
+        let parts = parts_before(&text, &files);
         for format in ["rgba16float", "rgba32float"] {
-            let source = [shared.as_slice(), &[text.replace("MAP_FORMAT", format)]].concat().join("\n");
+            let text = [&parts, &text.replace("MAP_FORMAT", format)].map(String::as_str).concat();
+            let source = [shared.as_slice(), &[text]].concat().join("\n");
             let module = naga::front::wgsl::parse_str(&source)
                 .unwrap_or_else(|error| panic!("{}: {}", file.display(), error.emit_to_string(&source)));
             // unpack2x16float is part of WebGPU; neither f16 nor subgroups nor anything else beyond it.

@@ -9,9 +9,20 @@ use shadow_gpu::{ShadowMapPass, ViewRecord, filled_buffer, storage_entry};
 use std::ops::Range;
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BufferDescriptor, BufferUsages, ShaderStages};
 
-/// The whole shader; `shadow_view.wgsl` comes first.
-pub(crate) const SHADER: &str =
-    concat!(include_str!("../shadow_map/shadow_view.wgsl"), include_str!("direct_irradiance.wgsl"));
+/// What the lights of [`DirectPass::light_group`] send to a point, for the host's own fragment shaders.
+///
+/// Declares bind group 0, bound with the dynamic offset 0, and the functions of `direct_light.wgsl`: for every `index` from
+/// `batch.first_light` on, `batch.n_lights` of them, `incident_light(index, position, geometric_normal)` gives the
+/// direction to the light and the irradiance, shadows included, of a surface that faces it.
+pub const DIRECT_LIGHT_WGSL: &str =
+    concat!(include_str!("../shadow_map/shadow_view.wgsl"), include_str!("direct_light.wgsl"));
+
+/// The whole shader.
+pub(crate) const SHADER: &str = concat!(
+    include_str!("../shadow_map/shadow_view.wgsl"),
+    include_str!("direct_light.wgsl"),
+    include_str!("direct_irradiance.wgsl")
+);
 
 /// Views of a point light: a batch must hold them.
 const MOST_VIEWS: u32 = 6;
@@ -58,6 +69,8 @@ pub struct DirectPass {
     batches: wgpu::Buffer,
     lights: wgpu::Buffer,
     batch_group: wgpu::BindGroup,
+    /// Batches of the last encoding.
+    n_batches: usize,
 }
 
 /// `Light` of the shader.
@@ -115,7 +128,7 @@ impl DirectPass {
         let lights = light_buffer(device, 1);
         let batch_group = batch_group(device, &batch_layout, &batches, &lights, &shadow);
         let texels = TexelBuffers { irradiance: irradiance_buffer(device, 0), n_texels: 0, pages: Vec::new() };
-        Self { shadow, pipeline, batch_layout, page_layout, texels, batches, lights, batch_group }
+        Self { shadow, pipeline, batch_layout, page_layout, texels, batches, lights, batch_group, n_batches: 0 }
     }
 
     /// Uploads surfaces and casters; replaces those before, and the irradiance buffer.
@@ -135,6 +148,26 @@ impl DirectPass {
         self.shadow.set_casters(device, casters)?;
         self.texels = texels;
         Ok(())
+    }
+
+    /// Casters that move, drawn with those of the scene; none until set.
+    ///
+    /// # Errors
+    /// Those of [`ShadowCasters::check`], and [`RelightError::Limit`].
+    pub fn set_moving_casters(&mut self, device: &wgpu::Device, casters: &ShadowCasters) -> Result<(), RelightError> {
+        casters.check()?;
+        self.shadow.set_moving_casters(device, casters)
+    }
+
+    /// Layout of [`DirectPass::light_group`], for pipelines that use [`DIRECT_LIGHT_WGSL`].
+    pub fn light_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.batch_layout
+    }
+
+    /// Lights and shadow maps of the last encoding, for compute and fragment shaders, with the dynamic offset 0. `None` if
+    /// the maps of all lights did not fit into the layers at once, so that only some are still there.
+    pub fn light_group(&self) -> Option<&wgpu::BindGroup> {
+        (self.n_batches <= 1).then_some(&self.batch_group)
     }
 
     /// Encodes shadow maps and irradiance of these lights.
@@ -160,7 +193,10 @@ impl DirectPass {
         }
         let n_views: Vec<u32> = light_records.iter().map(|light| light.n_views).collect();
         let batches = light_batches(&n_views, self.shadow.n_layers() as u32);
+        self.n_batches = batches.len();
         if batches.is_empty() {
+            // No lights for those who read the first batch.
+            queue.write_buffer(&self.batches, 0, &[0; size_of::<BatchRecord>()]);
             encoder.clear_buffer(&self.texels.irradiance, 0, None);
             encode_empty_spans(encoder, timestamps);
             return;
@@ -394,12 +430,13 @@ fn batch_stride(device: &wgpu::Device) -> u64 {
 }
 
 fn batch_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let visibility = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("localprt.direct_irradiance.batch"),
         entries: &[
             wgpu::BindGroupLayoutEntry {
                 binding: 0,
-                visibility: ShaderStages::COMPUTE,
+                visibility,
                 ty: wgpu::BindingType::Buffer {
                     ty: wgpu::BufferBindingType::Uniform,
                     has_dynamic_offset: true,
@@ -407,11 +444,11 @@ fn batch_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
                 },
                 count: None,
             },
-            storage_entry(1, ShaderStages::COMPUTE),
-            storage_entry(2, ShaderStages::COMPUTE),
+            storage_entry(1, visibility),
+            storage_entry(2, visibility),
             wgpu::BindGroupLayoutEntry {
                 binding: 3,
-                visibility: ShaderStages::COMPUTE,
+                visibility,
                 ty: wgpu::BindingType::Texture {
                     sample_type: wgpu::TextureSampleType::Depth,
                     view_dimension: wgpu::TextureViewDimension::D2Array,

@@ -11,5 +11,5 @@ pub(crate) mod layout_test;
 mod reference;
 
 #[cfg(feature = "gpu")]
-pub use gpu::{DirectOptions, DirectPass, DirectTimestamps};
+pub use gpu::{DIRECT_LIGHT_WGSL, DirectOptions, DirectPass, DirectTimestamps};
 pub use reference::{add_light, direct_irradiance};

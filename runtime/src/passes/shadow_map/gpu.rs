@@ -84,6 +84,7 @@ pub(crate) struct ShadowMapPass {
     views_layout: wgpu::BindGroupLayout,
     masks_layout: wgpu::BindGroupLayout,
     casters: CasterBuffers,
+    moving: CasterBuffers,
     views: wgpu::Buffer,
     views_group: wgpu::BindGroup,
 }
@@ -135,7 +136,7 @@ impl ShadowMapPass {
             entries: &[storage_entry(0, ShaderStages::FRAGMENT), storage_entry(1, ShaderStages::FRAGMENT)],
         });
         let (opaque_pipeline, masked_pipeline) = pipelines(device, &views_layout, &masks_layout);
-        let casters = CasterBuffers::empty(device);
+        let (casters, moving) = (CasterBuffers::empty(device), CasterBuffers::empty(device));
         let (views, views_group) = view_buffer(device, &views_layout, 6);
         Self {
             layers: (0..n_layers).map(layer).collect(),
@@ -146,6 +147,7 @@ impl ShadowMapPass {
             views_layout,
             masks_layout,
             casters,
+            moving,
             views,
             views_group,
         }
@@ -157,8 +159,19 @@ impl ShadowMapPass {
         Ok(())
     }
 
+    /// The same for those that move, drawn after them.
+    pub fn set_moving_casters(&mut self, device: &wgpu::Device, casters: &ShadowCasters) -> Result<(), RelightError> {
+        self.moving = CasterBuffers::new(device, &self.masks_layout, casters)?;
+        Ok(())
+    }
+
+    /// Box around all casters.
     pub fn bounds(&self) -> CasterBounds {
-        self.casters.bounds
+        let (fixed, moving) = (self.casters.bounds, self.moving.bounds);
+        if self.moving.is_empty() {
+            return fixed;
+        }
+        CasterBounds { low: fixed.low.min(moving.low), high: fixed.high.max(moving.high) }
     }
 
     pub fn size(&self) -> u32 {
@@ -220,16 +233,22 @@ impl ShadowMapPass {
             ..Default::default()
         });
         pass.set_bind_group(0, &self.views_group, &[]);
-        if self.casters.n_indices > 0 {
-            pass.set_pipeline(&self.opaque_pipeline);
-            pass.set_vertex_buffer(0, self.casters.positions.slice(..));
-            pass.set_index_buffer(self.casters.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..self.casters.n_indices, 0, view..view + 1);
+        for casters in [&self.casters, &self.moving] {
+            self.draw_casters(&mut pass, casters, view);
         }
-        if !self.casters.masked_draws.is_empty() {
+    }
+
+    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>, casters: &CasterBuffers, view: u32) {
+        if casters.n_indices > 0 {
+            pass.set_pipeline(&self.opaque_pipeline);
+            pass.set_vertex_buffer(0, casters.positions.slice(..));
+            pass.set_index_buffer(casters.indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..casters.n_indices, 0, view..view + 1);
+        }
+        if !casters.masked_draws.is_empty() {
             pass.set_pipeline(&self.masked_pipeline);
-            pass.set_vertex_buffer(0, self.casters.masked.slice(..));
-            for (vertices, masks) in &self.casters.masked_draws {
+            pass.set_vertex_buffer(0, casters.masked.slice(..));
+            for (vertices, masks) in &casters.masked_draws {
                 pass.set_bind_group(1, masks, &[]);
                 pass.draw(vertices.clone(), view..view + 1);
             }
@@ -352,6 +371,10 @@ pub(crate) fn filled_buffer(
 }
 
 impl CasterBuffers {
+    fn is_empty(&self) -> bool {
+        self.n_indices == 0 && self.masked_draws.is_empty()
+    }
+
     fn empty(device: &wgpu::Device) -> Self {
         let vertices = |label| {
             device.create_buffer_init(&BufferInitDescriptor {

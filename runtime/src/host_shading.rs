@@ -1,0 +1,140 @@
+//! What a host computes in its own fragment shader from SH radiance of degree 1: irradiance about a normal map's normal,
+//! and an approximate mirror reflection of indirect light (sec. 5.1).
+//!
+//! The CPU twin of `shaders/host.wgsl`, whose text is `HOST_WGSL`. World axes; directions are unit length and point away
+//! from the surface. Radiance in W sr^-1 m^-2, irradiance in W m^-2; diffuse reflection is albedo / pi times irradiance.
+
+use glam::Vec3;
+use localprt_formats::sh::irradiance_weights_degree_1;
+use std::f32::consts::PI;
+
+/// Y_00.
+const SH_0: f32 = 0.282_094_8;
+/// Y_1m over y, z, x.
+const SH_1: f32 = 0.488_602_5;
+
+/// Least roughness that [`specular`] uses. Below it GGX lobes are narrower than anything four coefficients can say, and
+/// f32 loses their peaks.
+pub const LEAST_ROUGHNESS: f32 = 0.1;
+
+/// SH radiance of degree 1, by SH index: Y_00, then Y_1-1, Y_10, Y_11, which point along y, z and x.
+///
+/// At a receiver it arrives from the hemisphere over the surface: the other one is dark.
+pub type RadianceDegree1 = [Vec3; 4];
+
+/// Irradiance about a shading normal, W m^-2; not negative.
+///
+/// Exact at the surface's own normal for constant light from the hemisphere over it, as degrees of 2 and more have no part
+/// in it; elsewhere as good as degree 1 can be.
+///
+/// Source: Ramamoorthi and Hanrahan 2001.
+pub fn irradiance(radiance: &RadianceDegree1, normal: Vec3) -> Vec3 {
+    let weights = irradiance_weights_degree_1(normal.to_array());
+    let sum: Vec3 = radiance.iter().zip(weights).map(|(&coefficient, weight)| coefficient * weight).sum();
+    sum.max(Vec3::ZERO)
+}
+
+/// SH radiance of degree 1 as one directional light in constant surroundings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DominantLight {
+    /// Unit, towards the light; zero if no direction is brighter than another.
+    pub dir_to_light: Vec3,
+    /// Of a surface that faces the light, W m^-2.
+    pub irradiance: Vec3,
+    /// Radiance of the surroundings, W sr^-1 m^-2.
+    pub ambient: Vec3,
+}
+
+/// The linear terms as a directional light, the rest of the constant one as surroundings.
+///
+/// The direction is that of the linear terms' luminance. A light of irradiance E from d has the coefficients E Y_k(d), so
+/// the linear terms give E, each color projected on d, and what they leave of the first is the surroundings'. The
+/// vector irradiance of any light is no longer than its scalar irradiance, so both are positive for radiance that is.
+///
+/// Source: Sloan 2008, Stupid Spherical Harmonics Tricks, "Extracting Dominant Light Direction".
+pub fn dominant_light(radiance: &RadianceDegree1) -> DominantLight {
+    let [c0, cy, cz, cx] = *radiance;
+    let axis = Vec3::new(luminance(cx), luminance(cy), luminance(cz));
+    let size = axis.length();
+    let dir_to_light = if size > 0.0 { axis / size } else { Vec3::ZERO };
+    let along = dir_to_light.x * cx + dir_to_light.y * cy + dir_to_light.z * cz;
+    let irradiance = (along / SH_1).max(Vec3::ZERO);
+    let ambient = ((c0 - SH_0 * irradiance) * SH_0).max(Vec3::ZERO);
+    DominantLight { dir_to_light, irradiance, ambient }
+}
+
+/// Rec. 709.
+fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// Radiance that a directional light's mirror reflection sends to the eye: Cook-Torrance with GGX, height-correlated Smith
+/// and Schlick's Fresnel term.
+///
+/// `irradiance` is that of a surface facing the light, `f0` the reflectance head on, `roughness` the square root of the
+/// width alpha, 0..=1, as in glTF.
+pub fn specular(
+    dir_to_light: Vec3,
+    irradiance: Vec3,
+    normal: Vec3,
+    dir_to_eye: Vec3,
+    f0: Vec3,
+    roughness: f32,
+) -> Vec3 {
+    let n_l = normal.dot(dir_to_light);
+    let n_v = normal.dot(dir_to_eye).max(1e-4);
+    if n_l <= 0.0 {
+        return Vec3::ZERO;
+    }
+    // Light and eye opposite of each other have no half vector; the normal is one of many.
+    let between = dir_to_light + dir_to_eye;
+    let size = between.length();
+    let half_dir = if size > 1e-6 { between / size } else { normal };
+    let rough = roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    let alpha = rough * rough;
+    let brdf = ggx(normal, half_dir, alpha) * smith(n_l, n_v, alpha);
+    schlick(f0, dir_to_light.dot(half_dir)) * irradiance * (brdf * n_l)
+}
+
+/// The approximate indirect mirror reflection of sec. 5.1: that of the dominant light.
+pub fn indirect_specular(radiance: &RadianceDegree1, normal: Vec3, dir_to_eye: Vec3, f0: Vec3, roughness: f32) -> Vec3 {
+    let light = dominant_light(radiance);
+    specular(light.dir_to_light, light.irradiance, normal, dir_to_eye, f0, roughness)
+}
+
+/// Density of microfacet normals, sr^-1, for half vectors above the surface.
+///
+/// The sine comes from the cross product, as 1 - cos^2 has no digits left near the peak.
+///
+/// Source: D of Walter et al. 2007, Eq. (33).
+pub fn ggx(normal: Vec3, half_dir: Vec3, alpha: f32) -> f32 {
+    let n_h = normal.dot(half_dir);
+    if n_h <= 0.0 {
+        return 0.0;
+    }
+    let across = normal.cross(half_dir);
+    let spread = alpha / (across.dot(across) + n_h * n_h * alpha * alpha);
+    spread * spread / PI
+}
+
+/// Height-correlated Smith shadowing and masking over 4 n_l n_v.
+///
+/// Source: Heitz 2014, Understanding the Masking-Shadowing Function, Eq. (99).
+pub fn smith(n_l: f32, n_v: f32, alpha: f32) -> f32 {
+    let alpha_2 = alpha * alpha;
+    let masking = n_l * (n_v * n_v * (1.0 - alpha_2) + alpha_2).sqrt();
+    let shadowing = n_v * (n_l * n_l * (1.0 - alpha_2) + alpha_2).sqrt();
+    0.5 / (masking + shadowing)
+}
+
+/// Reflectance at an angle to the half vector, from that head on.
+///
+/// Source: Schlick 1994.
+pub fn schlick(f0: Vec3, cosine: f32) -> Vec3 {
+    let rest = (1.0 - cosine).clamp(0.0, 1.0);
+    let rest_2 = rest * rest;
+    f0 + (Vec3::ONE - f0) * (rest_2 * rest_2 * rest)
+}
+
+#[cfg(test)]
+mod tests;
