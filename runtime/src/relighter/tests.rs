@@ -530,8 +530,9 @@ fn lights_shine_through_shadow_maps_into_the_probes() {
 #[test]
 fn the_volume_equals_its_twin_in_buffers_and_textures() {
     let Some((device, queue)) = device("the_volume_equals_its_twin_in_buffers_and_textures") else { return };
-    for degree in [1, 2] {
-        let arrays = test_bake::furnace_volume(2, degree);
+    for (degree, dims) in [(1, [2, 2, 2]), (1, [4, 2, 1]), (2, [1, 4, 2])] {
+        let mut arrays = test_bake::furnace_volume(2, degree);
+        arrays.volume.as_mut().expect("a volume").grid.dims = dims;
         let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
         let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
         let surface = surface(arrays.metadata.direct_size, 5);
