@@ -4,20 +4,21 @@
 #   scripts/setup.sh                     Rust, a linker and a C++ compiler
 #   scripts/setup.sh --require-xatlas    libclang as well, or exit code 1
 #   scripts/setup.sh --require-gpu       a driver for the GPU tests as well, or exit code 1
-# With --print-xatlas the last line on standard output is "yes" or "no": whether the feature xatlas can be built.
+# With --print-optional the last line on standard output is two words, "yes" or "no": whether the feature xatlas can be
+# built, and whether there is a driver for the GPU tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 require_xatlas=false
 require_gpu=false
-print_xatlas=false
+print_optional=false
 for argument in "$@"; do
     case $argument in
         --require-xatlas) require_xatlas=true ;;
         --require-gpu) require_gpu=true ;;
-        --print-xatlas) print_xatlas=true ;;
+        --print-optional) print_optional=true ;;
         *)
-            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --print-xatlas)" >&2
+            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --print-optional)" >&2
             exit 2
             ;;
     esac
@@ -72,7 +73,8 @@ has_clang_headers() {
 # A Vulkan loader and a driver for it. Elsewhere the system brings its own interface to the GPU.
 has_gpu_driver() {
     [ "$(uname)" != Linux ] && return
-    ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || return 1
+    # Not grep -q, which would end the pipe early.
+    PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep 'libvulkan\.so\.1' >/dev/null || return 1
     [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] ||
         compgen -G "/usr/share/vulkan/icd.d/*.json" >/dev/null ||
         compgen -G "/usr/local/share/vulkan/icd.d/*.json" >/dev/null ||
@@ -100,7 +102,9 @@ if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
 fi
 
 # Needed by the GPU tests only; Mesa's lavapipe runs them without a GPU.
+gpu=yes
 if ! has_gpu_driver && ! install libvulkan1 mesa-vulkan-drivers; then
+    gpu=no
     say "GPU tests need a Vulkan driver (Debian, Ubuntu: libvulkan1 mesa-vulkan-drivers;" \
         "Fedora: vulkan-loader mesa-vulkan-drivers)"
     if $require_gpu; then
@@ -122,6 +126,6 @@ if [ $xatlas = no ]; then
     fi
     say "going on without it; the default backend is not affected"
 fi
-if $print_xatlas; then
-    echo $xatlas
+if $print_optional; then
+    echo "$xatlas $gpu"
 fi

@@ -1,7 +1,7 @@
 //! Times the CPU passes: milliseconds, bytes that a pass has to move, and its share of a plain copy.
 //!
 //! Usage: `cargo run --release --example cpu_timing [-- FILE.lprt]`. Without a file, on a synthetic bake of the size of
-//! the paper's Sponza. Medians of eleven runs. Files must have a direct light map of 2048 texels per side.
+//! the paper's Sponza. Medians of eleven runs.
 
 use glam::Vec3;
 use localprt_formats::Baked;
@@ -23,8 +23,9 @@ mod synthetic;
 const RUNS: usize = 11;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let surface = synthetic::surface();
     let opened = std::env::args().nth(1).map(Baked::open).transpose()?;
+    let direct_size = opened.as_ref().map_or(DIRECT_SIZE, |baked| baked.view().metadata.direct_size);
+    let surface = synthetic::surface(direct_size);
     let made;
     let view = match &opened {
         Some(baked) => baked.view(),
@@ -34,8 +35,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     };
     let baked = CheckedBake::new(view)?;
-    surface.check(DIRECT_SIZE)?;
-    let mut light_map: Vec<_> = level_sizes(DIRECT_SIZE).into_iter().map(CoverageMap::uncovered).collect();
+    surface.check(direct_size)?;
+    let mut light_map: Vec<_> = level_sizes(direct_size).into_iter().map(CoverageMap::uncovered).collect();
     let mut probe_radiance = vec![Vec3::ZERO; baked.n_probes() * baked.n_sh()];
     let mut cluster_lights = vec![Vec3::ZERO; baked.n_cluster_lights()];
     let mut coefficients = vec![Vec3::ZERO; baked.n_receivers() * baked.n_k()];
@@ -58,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             100.0 * gb_per_s / copy
         );
     };
-    let texels = DIRECT_SIZE as usize * DIRECT_SIZE as usize * 16;
+    let texels = direct_size as usize * direct_size as usize * 16;
     let lights = cluster_lights.len() * 12;
     let ms = time(|| direct_lightmap(&surface, Some(&map), 0.95, &mut light_map[0]));
     report("direct_lightmap", ms, surface.len() * 40 + texels);

@@ -24,9 +24,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("adapter: {} ({:?}), times by {clock:?}", adapter.name, adapter.device_type);
     let copy = copy_bandwidth(&device, &queue, 1 << 28, clock)?;
     println!("plain copy: {copy:.1} GB/s (read and written)\n");
-    let surface = synthetic::surface();
+    let surface = synthetic::surface(synthetic::DIRECT_SIZE);
     if let Some(path) = std::env::args().nth(1) {
         let baked = Baked::open(&path)?;
+        let surface = synthetic::surface(baked.view().metadata.direct_size);
         return time(&device, &queue, &path, baked.view(), &surface, (clock, copy));
     }
     for (name, shape) in [

@@ -347,9 +347,10 @@ impl Relighter {
     /// [`DirectLight::Lights`] without a scene.
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, direct: &DirectLight<'_>) -> Result<(), RelightError> {
         if let DirectLight::Texture(view) = direct {
-            let found = view.texture().width().max(view.texture().height());
-            if found != self.sizes.direct_size {
-                return Err(RelightError::MapSize { expected: self.sizes.direct_size, found });
+            let expected = self.sizes.direct_size;
+            let sides = [view.texture().width(), view.texture().height()];
+            if let Some(&found) = sides.iter().find(|side| **side != expected) {
+                return Err(RelightError::MapSize { expected, found });
             }
         }
         if matches!(direct, DirectLight::Lights) && self.direct_pass.is_none() {
@@ -492,6 +493,9 @@ impl Relighter {
 
     /// GPU time per pass of a recent frame, when it has arrived; call it once per frame after submitting. `None` also on
     /// devices without `Features::TIMESTAMP_QUERY`.
+    ///
+    /// With more lights than fit into the layers of the shadow maps, `shadow_map` and `direct_irradiance` take turns, and
+    /// either time runs from the first turn to the last.
     pub fn pass_times(&mut self) -> Option<Vec<PassTime>> {
         self.timestamps.as_mut()?.take()
     }

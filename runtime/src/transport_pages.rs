@@ -157,8 +157,13 @@ fn upload_page(device: &wgpu::Device, transport: &Transport<'_>, part: &Part) ->
         push_block(&mut reconstruction, &transport.reconstruction[transport.reconstruction_range(cluster)]);
     }
     let coefficients = (part.receivers.len() * transport.n_k) as u64 * 16;
+    let n_clusters = records.len();
+    if records.is_empty() {
+        // A binding holds one element at least.
+        records.push(ClusterRecord::default());
+    }
     TransportPage {
-        n_clusters: records.len(),
+        n_clusters,
         receivers: part.receivers.clone(),
         clusters: storage(device, "transport.clusters", bytemuck::cast_slice(&records)),
         cluster_probes: storage(device, "transport.cluster_probes", bytemuck::cast_slice(&probes)),

@@ -6,8 +6,8 @@ use localprt_formats::BakedView;
 use localprt_precompute::error::CommandError;
 use localprt_precompute::progress::Progress;
 use localprt_runtime::{
-    CheckedBake, DirectLight, DirectOptions, MapPrecision, Relighter, RelighterOptions, Relit, SceneTexels,
-    ShadowCasters, SurfaceTexels, gpu::headless,
+    CheckedBake, DirectLight, DirectOptions, MapPrecision, RelightError, Relighter, RelighterOptions, Relit,
+    SceneTexels, ShadowCasters, SurfaceTexels, gpu::headless,
 };
 use localprt_scenes::{Lighting, MaterialOverride};
 
@@ -49,6 +49,9 @@ pub fn light(
         ..RelighterOptions::default()
     };
     let stage = progress.stage("upload", 0);
+    // What the file asks for may be more than the device has left; it says so through these.
+    let out_of_memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+    let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
     let mut relighter = Relighter::new(device, queue, view, options).map_err(refused)?;
     let direct = match source {
         Source::Surface(surface) => {
@@ -63,6 +66,11 @@ pub fn light(
         }
     };
     relighter.set_sky(sky_sh, &[]).map_err(refused)?;
+    for scope in [invalid, out_of_memory] {
+        if let Some(error) = pollster::block_on(scope.pop()) {
+            return Err(refused(RelightError::Device { reason: error.to_string() }));
+        }
+    }
     drop(stage);
     let stage = progress.stage("bounces", bounces.into());
     for _ in 0..bounces {

@@ -119,16 +119,16 @@ pub fn bake(shape: Shape, surface: &SurfaceTexels) -> BakedArrays {
 }
 
 /// A surface that covers as much of the direct light map as Sponza does.
-pub fn surface() -> SurfaceTexels {
+pub fn surface(size: u32) -> SurfaceTexels {
     // Whole charts of 32 x 32 texels are covered or not.
     let covered = |index: &u32| {
-        let (x, y) = (index % DIRECT_SIZE / 32, index / DIRECT_SIZE / 32);
+        let (x, y) = (index % size / 32, index / size / 32);
         counter_uniform(2, u64::from(y), u64::from(x)) < COVERED
     };
-    let index: Vec<u32> = (0..DIRECT_SIZE * DIRECT_SIZE).filter(covered).collect();
+    let index: Vec<u32> = (0..size * size).filter(covered).collect();
     let n = index.len();
     SurfaceTexels {
-        size: DIRECT_SIZE,
+        size,
         index,
         albedo: vec![Vec3::splat(0.5); n],
         emission: vec![Vec3::ZERO; n],

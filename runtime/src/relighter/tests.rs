@@ -440,6 +440,43 @@ fn passes_are_timed_and_memory_is_told() {
 }
 
 #[test]
+fn files_without_receivers_clusters_or_probes_are_dark_and_no_error() {
+    let Some((device, queue)) = device("files_without_receivers_clusters_or_probes_are_dark_and_no_error") else {
+        return;
+    };
+    let mut empty = BakedArrays::default();
+    (empty.metadata.lightmap_size, empty.metadata.direct_size) = (1, 8);
+    let mut without_clusters = test_bake::random(2, 1, 1);
+    without_clusters.clusters.clear();
+    let mut without_cells = test_bake::furnace_volume(0, 1);
+    let volume = without_cells.volume.as_mut().expect("a volume");
+    volume.cells.clear();
+    volume.fill.clear();
+    volume.clusters.clear();
+    for arrays in [empty, without_clusters, without_cells] {
+        let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+        gpu.set_surface(&SurfaceTexels { size: arrays.metadata.direct_size, ..SurfaceTexels::default() }).unwrap();
+        frame(&mut gpu, &DirectLight::Irradiance);
+        assert!(gpu.read_coefficients().unwrap().iter().all(|value| *value == Vec3::ZERO));
+    }
+}
+
+#[test]
+fn a_texel_too_bright_for_its_map_stays_finite() {
+    let Some((device, queue)) = device("a_texel_too_bright_for_its_map_stays_finite") else { return };
+    let arrays = test_bake::random(3, 0, 1);
+    for light_map in [MapPrecision::Half, MapPrecision::Single] {
+        let mut gpu = Relighter::new(&device, &queue, arrays.view(), RelighterOptions { light_map, ..SINGLE }).unwrap();
+        let mut surface = surface(8, 5);
+        surface.emission[7] = Vec3::splat(1e37);
+        gpu.set_surface(&surface).unwrap();
+        frame(&mut gpu, &DirectLight::Irradiance);
+        frame(&mut gpu, &DirectLight::Irradiance);
+        assert!(gpu.read_coefficients().unwrap().iter().all(|value| value.is_finite()));
+    }
+}
+
+#[test]
 fn inputs_that_do_not_fit_are_refused() {
     let Some((device, queue)) = device("inputs_that_do_not_fit_are_refused") else { return };
     let arrays = test_bake::random(2, 0, 1);
@@ -558,7 +595,7 @@ fn the_volume_equals_its_twin_in_buffers_and_textures() {
             for (cell, texel) in texels.iter().enumerate() {
                 let weight = match volume.validity()[cell] {
                     crate::Validity::Empty => 0.0,
-                    crate::Validity::Filled => 1.0 / 64.0,
+                    crate::Validity::Filled => 1.0 / 8.0,
                     crate::Validity::Valid => 1.0,
                 };
                 assert_eq!(texel.w, weight, "cell {cell}");

@@ -4,16 +4,17 @@
 
 use clap::Parser;
 use glam::{Mat4, Vec3};
-use localprt_formats::{Baked, BakedView, sh, weight};
+use localprt_formats::{Baked, weight};
 use localprt_precompute::lightmap::Atlas;
 use localprt_precompute::output::write_png;
 use localprt_precompute::picture::{Exposure, default_camera};
 use localprt_precompute::rays::RayCaster;
 use localprt_precompute::relight::{material_overrides, scene_texels, sky_inputs};
 use localprt_runtime::host_shading::RadianceDegree1;
+use localprt_runtime::passes::volume_fill::volume_fill;
 use localprt_runtime::{
-    DirectLight, DirectOptions, Occluder, OccluderShape, PassTime, Relighter, RelighterOptions, ShadowCasters,
-    gpu::headless,
+    CheckedBake, DirectLight, DirectOptions, Occluder, OccluderShape, PassTime, Relighter, RelighterOptions,
+    ShadowCasters, VolumeSampler, gpu::headless,
 };
 use localprt_scenes::{Light, LightKind, Lighting};
 use localprt_viewer::{
@@ -122,6 +123,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&options.output)?;
     let baked = Baked::open(&options.file)?;
     let baked = baked.view();
+    let checked = CheckedBake::new(baked)?;
     let scene_path = options.file.parent().unwrap_or("".as_ref()).join(&baked.metadata.scene_path);
     let scene = localprt_scenes::load(&scene_path)?;
     if scene.hash != baked.metadata.scene_hash {
@@ -193,7 +195,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         if options.ball {
             let center = path.at(turn + 0.15, 0.8);
-            objects.push(ball(center, ball_m, 0.8, light_of_probes(&gi, &baked, center)?));
+            objects.push(ball(center, ball_m, 0.8, light_at(&gi, &checked, center)?));
         }
         if !objects.is_empty() {
             gi.set_moving_casters(&moving_casters(&objects))?;
@@ -257,13 +259,20 @@ fn ball(center: Vec3, radius: f32, albedo: f32, light: RadianceDegree1) -> Movin
     }
 }
 
-/// Radiance of degree 1 at a point: that of the probes around it by the weight kernel. Walls in between are not seen.
-fn light_of_probes(gi: &Relighter, baked: &BakedView<'_>, at: Vec3) -> Result<RadianceDegree1, Box<dyn Error>> {
-    let n_sh = sh::function_count(baked.metadata.probe_degree);
+/// Radiance of degree 1 at a point: from the file's volume, if it has one, else that of the probes around it by the weight
+/// kernel, which knows no walls.
+fn light_at(gi: &Relighter, baked: &CheckedBake<'_>, at: Vec3) -> Result<RadianceDegree1, Box<dyn Error>> {
+    if let Some(volume) = baked.volume() {
+        let mut cells = vec![Vec3::ZERO; volume.n_cells() * volume.n_k()];
+        volume_fill(volume, &gi.read_volume()?, &mut cells);
+        let radiance = VolumeSampler::new(volume, &cells).radiance_at(at).unwrap_or_default();
+        return Ok([radiance[0], radiance[1], radiance[2], radiance[3]]);
+    }
+    let n_sh = baked.n_sh();
     let radiance = gi.read_probe_radiance()?;
     let mut sum = [Vec3::ZERO; 4];
     let mut weights = 0.0;
-    for (probe, own) in baked.probes.iter().zip(radiance.chunks_exact(n_sh)) {
+    for (probe, own) in baked.view().probes.iter().zip(radiance.chunks_exact(n_sh)) {
         let weight = weight::weight_kernel(Vec3::from(probe.position).distance(at) / probe.support_radius_m);
         sum.iter_mut().zip(own).for_each(|(sum, value)| *sum += weight * *value);
         weights += weight;

@@ -76,6 +76,6 @@ fn direct_lightmap(
     let indirect = previous_irradiance((vec2f(texel) + 0.5) / f32(params.size));
     let feedback_albedo = clamp(albedo, vec3f(0.0), vec3f(params.feedback_albedo_cap));
     let reflected = albedo * direct[entry].rgb + feedback_albedo * max(indirect, vec3f(0.0));
-    let outgoing = max(emitted + reflected / PI, vec3f(0.0));
+    let outgoing = clamp(emitted + reflected / PI, vec3f(0.0), vec3f(MAP_LARGEST));
     textureStore(light_map, texel, vec4f(outgoing, 1.0));
 }

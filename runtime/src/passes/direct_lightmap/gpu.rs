@@ -99,6 +99,7 @@ impl DirectLightmapPass {
         let per_page = (page_bytes(device) / 16) as usize;
         let has_emission = surface.emission.iter().any(|emission| *emission != Vec3::ZERO);
         self.params.size = surface.size;
+        self.params.albedo_override = -1.0;
         self.params.irradiance_size = maps.irradiance_size;
         self.params.has_emission = has_emission.into();
         self.n_texels = surface.index.len();

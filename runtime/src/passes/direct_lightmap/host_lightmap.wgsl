@@ -11,5 +11,10 @@ fn host_lightmap(@builtin(global_invocation_id) texel: vec3u) {
     }
     let value = textureLoad(host_map, texel.xy, 0);
     let coverage = clamp(value.a, 0.0, 1.0);
-    textureStore(light_map, texel.xy, vec4f(max(value.rgb, vec3f(0.0)) * coverage, coverage));
+    if (coverage == 0.0) {
+        textureStore(light_map, texel.xy, vec4f(0.0));
+        return;
+    }
+    let radiance = clamp(value.rgb, vec3f(0.0), vec3f(MAP_LARGEST));
+    textureStore(light_map, texel.xy, vec4f(radiance * coverage, coverage));
 }

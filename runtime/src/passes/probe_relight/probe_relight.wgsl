@@ -150,7 +150,9 @@ fn ray_radiance(slot: u32, probe: u32, ray: u32) -> vec3f {
         for (var i = 0u; i < atomicLoad(&n_near[slot]); i += 1u) {
             let index = near_occluders[slot][i];
             let distance = hit(origin, dir, occluders[index]);
-            if (distance < nearest) {
+            // Of equals the first one counts, in whatever order the list came about.
+            let is_first = distance == nearest && blocked_by < MAX_OCCLUDERS && index < blocked_by;
+            if (distance < nearest || is_first) {
                 nearest = distance;
                 blocked_by = index;
             }

@@ -32,8 +32,9 @@ struct Fill {
 @group(0) @binding(6) var map_3: texture_storage_3d<rgba16float, write>;
 
 const BORROWED: u32 = 0x80000000u;
-// A power of two, so that dividing by it is exact; small enough that cells of their own outweigh it.
-const FILLED: f32 = 0.015625;
+// A power of two, so that dividing by it is exact; small enough that cells of their own outweigh it, and large enough that
+// dim light does not fall below the normal numbers of f16.
+const FILLED: f32 = 0.125;
 // Largest number of f16.
 const LARGEST: f32 = 65504.0;
 
