@@ -1,5 +1,5 @@
 use super::*;
-use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
+use localprt_formats::directions::spherical_fibonacci;
 use localprt_formats::sh::Basis;
 
 fn direction(index: u32, count: u32) -> Vec3 {
@@ -161,7 +161,10 @@ fn nothing_is_infinite_at_the_edges() {
 }
 
 /// A few thousand of everything: SH radiance, normal, eye, f0 and roughness from random numbers, 20 floats each.
+#[cfg(feature = "gpu")]
 fn random_inputs(count: u32) -> Vec<[f32; 20]> {
+    use localprt_formats::directions::counter_uniform;
+
     let uniform = |index: u32, dimension: u32| counter_uniform(7, u64::from(index), dimension.into()) as f32;
     let input = |index: u32| {
         let mut input: [f32; 20] = std::array::from_fn(|slot| 2.0 * uniform(index, slot as u32) - 1.0);
@@ -178,6 +181,7 @@ fn random_inputs(count: u32) -> Vec<[f32; 20]> {
     (0..count).map(input).collect()
 }
 
+#[cfg(feature = "gpu")]
 fn results(input: &[f32; 20]) -> [Vec3; 5] {
     let color = |at: usize| Vec3::from_slice(&input[at..at + 3]);
     let radiance = [color(0), color(3), color(6), color(9)];

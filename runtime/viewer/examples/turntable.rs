@@ -46,7 +46,7 @@ struct Options {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     center: Option<Vec3>,
     /// Half axes of the ellipse along x and z, as shares of the box.
-    #[arg(long, default_value = "0.3,0.3", value_parser = pair)]
+    #[arg(long, default_value = "0.2,0.1", value_parser = pair)]
     radius: (f32, f32),
     /// Candela of the moving light; else so that a quarter of the longest side away there are 10 lux.
     #[arg(long)]

@@ -163,9 +163,10 @@ mod tests {
             // A sphere of flat facets is about one per cent smaller.
             assert!((0.98..=1.001).contains(&(sixths / 6.0 / volume)), "{kind:?}: {}", sixths / 6.0);
             for triangle in &shape.triangles {
+                // Triangles at the poles have no area but rounding's.
                 let [a, b, c] = corners(triangle);
                 let normal = (b - a).cross(c - a);
-                assert!(triangle.iter().all(|&vertex| shape.normals[vertex as usize].dot(normal) >= 0.0));
+                assert!(triangle.iter().all(|&vertex| shape.normals[vertex as usize].dot(normal) >= -1e-6));
             }
         }
     }
