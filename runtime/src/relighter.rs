@@ -118,6 +118,9 @@ pub struct Relighter {
     gathers: u64,
 }
 
+/// Name of a pass and what records it.
+type Pass = (&'static str, fn(&Relighter, &mut wgpu::ComputePass<'_>));
+
 #[derive(Clone, Copy)]
 struct Sizes {
     direct_size: u32,
@@ -410,7 +413,7 @@ impl Relighter {
     /// Records one pass of a gather alone, by its name in [`Relighter::traffic`], for measuring; false for a name that is
     /// none.
     pub fn encode_pass(&mut self, encoder: &mut wgpu::CommandEncoder, name: &str) -> bool {
-        let passes: [(&'static str, fn(&Self, &mut wgpu::ComputePass<'_>)); 6] = [
+        let passes: [Pass; 6] = [
             ("direct_lightmap", |this, pass| this.direct_lightmap.encode(pass)),
             ("lightmap_mips", |this, pass| this.lightmap_mips.encode(pass)),
             ("probe_relight", |this, pass| this.probe_relight.encode(pass)),

@@ -233,6 +233,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (sheet, width, height) = contact_sheet(&pictures, options.size, 6);
     write_png(&options.output.join("sheet.png"), width, height, &sheet)?;
     print_times(&times, &relit_ms, &drawn_ms);
+    println!("device memory of the relighter");
+    for (what, bytes) in gi.memory() {
+        println!("  {what:<38} {:>9.2} MB", bytes as f64 * 1e-6);
+    }
     println!("wrote {}", options.output.join("sheet.png").display());
     Ok(())
 }

@@ -46,7 +46,7 @@ impl GpuVolume {
         volume: &CheckedVolume<'_>,
         probe_radiance: &wgpu::Buffer,
     ) -> Result<Self, RelightError> {
-        let grid = volume.grid().clone();
+        let grid = *volume.grid();
         let [width, height, depth] = grid.dims;
         let allowed = device.limits().max_texture_dimension_3d;
         let longest = width.max(height).max(depth);
