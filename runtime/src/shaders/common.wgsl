@@ -1,5 +1,19 @@
 // Shared by all passes.
 
+// formats::ClusterRecord; offsets within the page.
+struct Cluster {
+    first_receiver: u32,
+    n_receivers: u32,
+    first_probe: u32,
+    n_probes: u32,
+    n_sky: u32,
+    n_coefficients: u32,
+    first_light: u32,
+    projection_pair: u32,
+    reconstruction_pair: u32,
+    reserved: u32,
+}
+
 // Number of the workgroup in a dispatch that may have two dimensions.
 fn linear_group(group: vec3u, groups: vec3u) -> u32 {
     return group.x + group.y * groups.x;

@@ -12,19 +12,6 @@ const ROWS: u32 = 8u;
 // One more than LANES, so that sums of neighbouring rows lie in different banks.
 const STRIDE: u32 = 65u;
 
-struct Cluster {
-    first_receiver: u32,
-    n_receivers: u32,
-    first_probe: u32,
-    n_probes: u32,
-    n_sky: u32,
-    n_coefficients: u32,
-    first_light: u32,
-    projection_pair: u32,
-    reconstruction_pair: u32,
-    reserved: u32,
-}
-
 struct Params {
     n_clusters: u32,
     has_sky: u32,

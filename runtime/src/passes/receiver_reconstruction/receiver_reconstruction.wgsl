@@ -7,19 +7,6 @@ override N_K: u32;
 
 const NO_CLUSTER: u32 = 0xffffffffu;
 
-struct Cluster {
-    first_receiver: u32,
-    n_receivers: u32,
-    first_probe: u32,
-    n_probes: u32,
-    n_sky: u32,
-    n_coefficients: u32,
-    first_light: u32,
-    projection_pair: u32,
-    reconstruction_pair: u32,
-    reserved: u32,
-}
-
 struct Params {
     n_receivers: u32,
     pad_0: u32,
