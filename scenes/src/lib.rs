@@ -1,6 +1,6 @@
 //! Scenes and lighting for localprt.
 //!
-//! In: a glTF 2.0 file ([`load`]) or a built-in scene ([`builtin`]). Out: a [`Scene`], flattened to world space, in
+//! In: a glTF 2.0 file ([`load`], [`load_bytes`]) or a built-in scene ([`builtin`]). Out: a [`Scene`], flattened to world space, in
 //! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
 //! overrides.
 
@@ -11,6 +11,6 @@ pub mod lighting;
 pub mod scene;
 
 pub use gltf_export::{ExportError, export_glb};
-pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_within};
+pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_bytes, load_within};
 pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{AlphaMode, Camera, FaceId, Image, Material, Mesh, Scene, Texture, TextureRef, Wrap};

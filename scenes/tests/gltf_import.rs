@@ -489,3 +489,32 @@ fn unknown_required_extensions_are_refused_by_name() {
         assert!(error.to_string().contains(name) && error.to_string().contains("gltf-transform"), "{error}");
     }
 }
+
+#[test]
+fn a_scene_in_memory_is_the_scene_in_the_file() {
+    let (mut root, bin) = square();
+    root["images"] = json!([{ "uri": pixel() }]);
+    root["textures"] = json!([{ "source": 0 }]);
+    root["materials"][0]["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": 0 } });
+    let bytes = glb(&root, &bin);
+    let folder = folder();
+    let path = folder.path().join("hall.glb");
+    std::fs::write(&path, &bytes).expect("writable folder");
+    let from_file = load(&path).expect("a sound file");
+    let from_memory = localprt_scenes::load_bytes("hall.glb", &bytes).expect("the same bytes");
+    assert_eq!(from_memory.hash, from_file.hash);
+    assert_eq!(from_memory.name, "hall");
+    assert_eq!(format!("{from_memory:?}"), format!("{from_file:?}"));
+}
+
+#[test]
+fn a_scene_in_memory_reads_no_files() {
+    let (mut root, bin) = square();
+    root["images"] = json!([{ "uri": "wood.png" }]);
+    root["textures"] = json!([{ "source": 0 }]);
+    root["materials"][0]["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": 0 } });
+    let error = localprt_scenes::load_bytes("hall.glb", &glb(&root, &bin)).expect_err("must be refused");
+    assert!(matches!(error, LoadError::Resource { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.contains("/images/0/uri") && text.contains("\"wood.png\"") && text.contains(".glb"), "{text}");
+}

@@ -24,7 +24,7 @@ use document::Document;
 use error::Source;
 use geometry::Geometry;
 use nodes::Placed;
-use resources::Resources;
+use resources::{Neighbors, Resources};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -43,14 +43,29 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene, LoadError> {
 pub fn load_within(path: impl AsRef<Path>, limits: &Limits) -> Result<Scene, LoadError> {
     let source = &Source::new(path.as_ref());
     let bytes = resources::read_scene_file(source, limits)?;
-    let container = container::split(source, &bytes)?;
+    import(source, limits, &bytes, Neighbors::Folder)
+}
+
+/// Loads a scene that is already in memory and holds all it needs: a .glb, or a .gltf with data URIs. `name` stands for
+/// its path, in messages and in the scene's name; nothing is read from there.
+///
+/// # Errors
+/// As [`load`]; a buffer or image in a file of its own is a [`LoadError::Resource`].
+pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Scene, LoadError> {
+    let (source, limits) = (&Source::new(name.as_ref()), &Limits::default());
+    resources::check_scene_length(source, limits, bytes.len() as u64)?;
+    import(source, limits, bytes, Neighbors::None)
+}
+
+fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) -> Result<Scene, LoadError> {
+    let container = container::split(source, bytes)?;
     if container.json.len() as u64 > limits.json_bytes {
         let found = format!("{} bytes of JSON", container.json.len());
         return Err(source.too_large("/", found, limits.json_bytes, "store buffers and images outside of the JSON"));
     }
     let document = document::parse(source, container.json)?;
     let placed = nodes::place(source, limits, &document)?;
-    let mut resources = Resources::new(source, limits, &bytes);
+    let mut resources = Resources::new(source, limits, bytes, neighbors);
     let buffers = resources.buffers(&document, container.bin)?;
     let views = accessors::views(source, &document, &buffers)?;
     let accessors = accessors::accessors(source, limits, &document, &views)?;
@@ -59,7 +74,7 @@ pub fn load_within(path: impl AsRef<Path>, limits: &Limits) -> Result<Scene, Loa
     let mut appearance = materials::read(source, &document, &views, &mut resources)?;
     give_material(&mut meshes, &mut appearance.materials);
     let mut scene = Scene {
-        name: path.as_ref().file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
+        name: source.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
         meshes,
         materials: appearance.materials,
         textures: appearance.textures,

@@ -55,10 +55,20 @@ impl Default for Limits {
 const REFERENCE: &str = "name a file in the scene's folder, or pack everything into one .glb";
 const SMALLER: &str = "split the scene or make it smaller";
 
+/// Where the files are that the scene names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Neighbors {
+    /// In the scene's folder.
+    Folder,
+    /// Nowhere: the scene is in memory.
+    None,
+}
+
 /// Reads what the scene names, and hashes it in order of reading.
 pub(super) struct Resources<'a> {
     source: &'a Source,
     limits: &'a Limits,
+    neighbors: Neighbors,
     /// The scene's folder; resolved when the first file is asked for.
     folder: Option<PathBuf>,
     hasher: blake3::Hasher,
@@ -68,10 +78,10 @@ pub(super) struct Resources<'a> {
 
 impl<'a> Resources<'a> {
     /// `bytes` is the whole scene file.
-    pub fn new(source: &'a Source, limits: &'a Limits, bytes: &[u8]) -> Self {
+    pub fn new(source: &'a Source, limits: &'a Limits, bytes: &[u8], neighbors: Neighbors) -> Self {
         let mut hasher = blake3::Hasher::new();
         hasher.update(bytes);
-        Self { source, limits, folder: None, hasher, encoded_bytes: 0, pixels: 0 }
+        Self { source, limits, neighbors, folder: None, hasher, encoded_bytes: 0, pixels: 0 }
     }
 
     /// Hash of everything read.
@@ -246,6 +256,10 @@ impl<'a> Resources<'a> {
     /// The canonical path of a relative reference, which must lie in the scene's folder.
     fn resolve(&mut self, place: &str, uri: &str) -> Result<PathBuf, LoadError> {
         let source = self.source;
+        if self.neighbors == Neighbors::None {
+            let reason = "a scene in memory reads no other files";
+            return Err(source.resource(place, uri, reason, "pack everything into one .glb"));
+        }
         let refused = |reason: &str| source.resource(place, uri, reason, REFERENCE);
         let scheme = uri.split_once(':').map(|(scheme, _)| scheme).filter(|scheme| {
             scheme.starts_with(|first: char| first.is_ascii_alphabetic())
@@ -301,6 +315,14 @@ pub(super) fn read_scene_file(source: &Source, limits: &Limits) -> Result<Vec<u8
         ReadError::TooLarge { length, limit } => source.too_large("/", format!("{length} bytes"), limit, SMALLER),
         ReadError::Io(cause) => LoadError::Read { file: source.file.clone(), cause },
     })
+}
+
+/// Refuses a scene of too many bytes.
+pub(super) fn check_scene_length(source: &Source, limits: &Limits, length: u64) -> Result<(), LoadError> {
+    if length > limits.file_bytes {
+        return Err(source.too_large("/", format!("{length} bytes"), limits.file_bytes, SMALLER));
+    }
+    Ok(())
 }
 
 /// How much of a file is read.

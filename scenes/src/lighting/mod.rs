@@ -8,6 +8,7 @@ mod equirect;
 mod error;
 
 mod json;
+mod json_out;
 mod place;
 mod punctual;
 mod shading;
