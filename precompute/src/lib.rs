@@ -2,8 +2,8 @@
 //!
 //! In: a `Scene` (world space, metres) and [`settings::BakeSettings`]. Out: the arrays of a `.lprt` file, the scene with its
 //! lightmap coordinates, and a [`report::BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
-//! [`relight`] prepares a lighting state for the CPU relighter, [`validate`] holds a baked file against path tracing, and
-//! the `precompute` command is a thin face over all of them.
+//! [`relight`] prepares a lighting state for the CPU relighter, [`validate`] holds a baked file against path tracing,
+//! [`reference_file`] keeps what it measured, and the `precompute` command is a thin face over all of them.
 //!
 //! ```no_run
 //! use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};
@@ -19,18 +19,23 @@ pub mod clusters;
 pub mod compress;
 pub mod error;
 pub mod figures;
+pub mod inputs;
 pub mod lightmap;
 pub mod output;
 pub mod picture;
 pub mod pipeline;
 pub mod probes;
+pub mod program;
 pub mod progress;
 pub mod rays;
+pub mod reference_file;
 pub mod relight;
 pub mod relight_rays;
 pub mod report;
 pub mod settings;
 pub mod transport;
+// Path tracing for minutes, and a picture metric in C++.
+#[cfg(not(target_arch = "wasm32"))]
 pub mod validate;
 pub mod volume;
 pub mod voxels;

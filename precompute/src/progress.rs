@@ -62,6 +62,7 @@ impl Progress {
 
     /// Lets Ctrl-C and SIGTERM cancel: the first time politely ([`Progress::is_cancelled`]), the second time by leaving
     /// with exit code 130 at once. One progress of a process can watch; later ones are left as they are.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn watch_interrupt(&self) {
         let cancelled = Arc::clone(&self.cancelled);
         let bars = self.bars.clone();

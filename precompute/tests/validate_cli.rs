@@ -1,5 +1,9 @@
 //! `precompute validate` from outside: files, figures, exit codes.
 
+use glam::Vec3;
+use localprt_formats::Baked;
+use localprt_precompute::reference_file::ReferenceFile;
+use localprt_precompute::validate::metrics::MethodError;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -85,6 +89,15 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     assert!(names[2].starts_with("failure case"), "{}", names[2]);
     assert_eq!(metrics["sweeps"][0]["points"].as_array().expect("points").len(), 2);
 
+    // What was measured under the first lighting lies beside the file, and names it.
+    let reference = ReferenceFile::read(path(folder.path(), "c.reference.ply").as_ref()).expect("a reference");
+    reference.matches(&Baked::open(&file).expect("a baked file")).expect("of this bake");
+    assert_eq!((reference.state.as_str(), reference.bounces, reference.points.len()), ("spot", 1, 100));
+    let (found, expected): (Vec<Vec3>, Vec<Vec3>) =
+        reference.points.iter().map(|point| (Vec3::from(point.compressed), Vec3::from(point.reference))).unzip();
+    let nrmse = MethodError::of(&found, &expected).expect("light").nrmse;
+    assert_eq!(metrics["methods"]["compressed"]["nrmse"].as_f64(), Some(nrmse), "as the page has it");
+
     let page = std::fs::read_to_string(path(folder.path(), "quality/index.html")).expect("a page");
     assert!(page.contains("nrmse") && page.contains("Sweep of degree") && page.contains("<svg"));
     // Every picture that the page shows is there, and every picture that is there is shown.
@@ -111,6 +124,8 @@ fn limits_and_mistakes_have_their_exit_codes() {
     let folder = tempfile::tempdir().expect("folder");
     let file = bake(folder.path());
     let quality = path(folder.path(), "quality");
+    // Where the reference should lie is a folder: less is left behind, and nothing fails for it.
+    std::fs::create_dir(path(folder.path(), "c.reference.ply")).expect("made");
     let output = validate(&file, &quality, &["--max-nrmse", "0.0001"]);
     assert_eq!(code(&output), 7, "{}", stderr(&output));
     assert!(stderr(&output).contains("nrmse under the scene's own light is"), "{}", stderr(&output));

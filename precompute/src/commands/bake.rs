@@ -1,9 +1,10 @@
 //! `precompute bake`: a scene in, a baked file and a report out.
 
-use super::{check_output, grouped, inputs, print_data, size, write_text};
+use super::{check_output, grouped, print_data, size, write_text};
 use crate::cli::Bake;
 use localprt_formats::WriteError;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
+use localprt_precompute::inputs;
 use localprt_precompute::output::{OutputError, check_writable};
 use localprt_precompute::pipeline::{self, BakeOutput};
 use localprt_precompute::progress::Progress;

@@ -1,10 +1,11 @@
 //! `precompute demo`: the whole way on the Cornell box: bake, relight, validate.
 
-use super::relight::{How, caster, light, take_picture, write_lightmap, write_picture};
+use super::relight::{How, light, take_picture, write_lightmap, write_picture};
 use super::validate::Job;
-use super::{bake, inputs, print_data, write_text};
+use super::{bake, print_data, write_text};
 use crate::cli::{Demo, View};
 use localprt_precompute::error::CommandError;
+use localprt_precompute::inputs;
 use localprt_precompute::output::OutputError;
 use localprt_precompute::picture::Exposure;
 use localprt_precompute::progress::Progress;
@@ -38,7 +39,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
 
     let baked = inputs::baked(&baked_path)?;
     let scene = inputs::baked_scene(&baked_path, baked.view().metadata, None)?;
-    let caster = caster(&scene)?;
+    let caster = inputs::caster(&scene)?;
     let mut found = String::new();
     // All at one exposure, that of the full light, so that they compare.
     let mut exposure = Exposure::Auto;
@@ -80,7 +81,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
         failure_case: false,
         max_nrmse: None,
     };
-    job.run(baked.view(), &caster, progress)?;
+    job.run(&baked, &caster, progress)?;
     let page = quality.join("index.html");
     let _ = writeln!(found, "{}  how good it is, against path tracing: open it in a browser", page.display());
     let _ = writeln!(found, "{}  indirect irradiance in lightmap coordinates", folder.join("cornell.exr").display());

@@ -1,9 +1,10 @@
 //! `precompute info` and `precompute check`: what is inside a baked file, and whether it holds together.
 
-use super::{grouped, inputs, print_data, size, to_json};
+use super::{grouped, print_data, size, to_json};
 use crate::cli;
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::inputs;
 use localprt_precompute::report::{Unseen, VolumeFacts, hex};
 use localprt_precompute::settings::BakeSettings;
 use serde::Serialize;

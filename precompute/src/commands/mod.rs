@@ -3,7 +3,6 @@
 mod bake;
 mod demo;
 mod info;
-mod inputs;
 mod relight;
 mod scene;
 mod validate;

@@ -1,10 +1,11 @@
 //! `precompute relight`: a baked file and a lighting state in; maps, points, pictures and figures out.
 
-use super::{check_output, inputs, to_json, write_text};
+use super::{check_output, to_json, write_text};
 use crate::cli::{Backend, Direct, Relight, View};
 use glam::Vec3;
 use localprt_formats::BakedView;
-use localprt_precompute::error::{BakeError, CommandError, Exit};
+use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::inputs;
 use localprt_precompute::lightmap::Atlas;
 use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
 use localprt_precompute::picture::{self, Exposure, Picture, PictureSize, Surfaces};
@@ -16,7 +17,7 @@ use localprt_precompute::relight::{
 use localprt_precompute::report::StageTime;
 use localprt_runtime::passes::direct_irradiance::direct_irradiance as shadow_mapped_irradiance;
 use localprt_runtime::{CpuRelighter, RelightError, RelightInputs, Relit, ShadowCasters};
-use localprt_scenes::{Camera, Lighting, Scene};
+use localprt_scenes::Lighting;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -40,7 +41,7 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     let view = baked.view();
     let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
     let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
-    let caster = caster(&scene)?;
+    let caster = inputs::caster(&scene)?;
     let how = How { backend: command.backend, direct: command.direct, bounces: command.bounces };
     let relit = light(view, &caster, &lighting, how, progress)?;
 
@@ -65,11 +66,6 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
         progress.note(&format!("wrote {}", path.display()));
     }
     Ok(())
-}
-
-/// Rays against a scene.
-pub fn caster(scene: &Scene) -> Result<RayCaster<'_>, CommandError> {
-    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).with_remedy())
 }
 
 /// How a lighting state is computed.
@@ -185,7 +181,7 @@ pub fn take_picture(
     view: &View,
     progress: &Progress,
 ) -> Result<Picture, CommandError> {
-    let camera = camera(caster, view.camera)?;
+    let camera = inputs::camera(caster, view.camera)?;
     let mut size = PictureSize::of_camera(&camera);
     if let Some((width, height)) = view.size {
         size = PictureSize { width, height, ..size };
@@ -199,29 +195,6 @@ pub fn take_picture(
         )
     };
     Ok(picture::render(caster, &camera, size, progress, radiance, |dir| lighting.sky.radiance(dir))?)
-}
-
-/// A camera of the scene by number, or its first, or one that shows the whole scene.
-pub fn camera(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Camera, CommandError> {
-    let cameras = &caster.scene().cameras;
-    match (number, cameras.first()) {
-        (None, Some(first)) => Ok(first.clone()),
-        (None, None) => picture::default_camera(caster).ok_or_else(|| {
-            BakeError::Scene {
-                what: "there is nothing to take a picture of: the scene has no triangles".into(),
-                place: None,
-                remedy: "leave --picture out".into(),
-            }
-            .into()
-        }),
-        (Some(number), _) => cameras.get(number).cloned().ok_or_else(|| {
-            let help = match cameras.len() {
-                0 => "leave --camera out for a view of the whole scene".into(),
-                count => format!("give a number from 0 to {}", count - 1),
-            };
-            CommandError::new(Exit::Usage, format!("the scene has no camera {number}")).help(help)
-        }),
-    }
 }
 
 /// Writes a picture and returns the exposure value it was developed with.

@@ -1,8 +1,8 @@
 //! `precompute scene`: a built-in scene as a file.
 
-use super::inputs;
 use crate::cli::Scene;
 use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::inputs;
 use localprt_precompute::output::check_writable;
 use localprt_precompute::progress::Progress;
 use localprt_scenes::export_glb;

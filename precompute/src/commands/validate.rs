@@ -1,13 +1,14 @@
 //! `precompute validate`: a baked file against path tracing; pictures, figures and a page out.
 
-use super::relight::{camera, caster};
-use super::{inputs, to_json, write_text};
+use super::{to_json, write_text};
 use crate::cli::Validate;
-use localprt_formats::BakedView;
+use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::inputs;
 use localprt_precompute::output::{self, OutputError};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::RayCaster;
+use localprt_precompute::reference_file::ReferenceFile;
 use localprt_precompute::validate::pages::{self, Context};
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
@@ -24,7 +25,7 @@ const MOST_CAMERAS: usize = 3;
 pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> {
     let baked = inputs::baked(&command.file)?;
     let scene = inputs::baked_scene(&command.file, baked.view().metadata, command.scene.as_deref())?;
-    let caster = caster(&scene)?;
+    let caster = inputs::caster(&scene)?;
     let settings = MeasureSettings {
         receivers: command.receivers,
         bounces: command.bounces,
@@ -44,7 +45,7 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         failure_case: command.failure_case,
         max_nrmse: command.max_nrmse,
     };
-    job.run(baked.view(), &caster, progress)
+    job.run(&baked, &caster, progress)
 }
 
 /// What to validate, and how.
@@ -68,9 +69,10 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Measures, writes the folder, and fails with exit code 7 above the limit.
-    pub fn run(&self, view: BakedView<'_>, caster: &RayCaster<'_>, progress: &Progress) -> Result<(), CommandError> {
+    /// Measures, writes the folder and the reference beside the baked file, and fails with exit code 7 above the limit.
+    pub fn run(&self, baked: &Baked, caster: &RayCaster<'_>, progress: &Progress) -> Result<(), CommandError> {
         let started = Instant::now();
+        let view = baked.view();
         fs::create_dir_all(self.output).map_err(|error| OutputError::write(self.output, error))?;
         output::check_writable(&self.output.join("index.html"))?;
         let about_file = |error| CommandError::from(error).in_file(self.file);
@@ -119,7 +121,20 @@ impl Job<'_> {
             ));
         }
         progress.note(&format!("wrote {}", self.output.join("index.html").display()));
+        if let Some(state) = findings.states.first() {
+            let bounces = self.settings.bounces;
+            self.leave(&ReferenceFile::of(baked.content_hash(), &view, &findings.sample, state, bounces), progress);
+        }
         self.gate(&findings.states)
+    }
+
+    /// Writes the reference beside the baked file. Where that cannot be, the validation is as good without.
+    fn leave(&self, reference: &ReferenceFile, progress: &Progress) {
+        let path = ReferenceFile::path_beside(self.file);
+        match reference.write(&path) {
+            Ok(()) => progress.note(&format!("wrote {}: irradiance under {}", path.display(), reference.state)),
+            Err(error) => progress.warn(&format!("no reference for the viewer: {} {error}", path.display())),
+        }
     }
 
     /// Fails above the limit that the user set.
@@ -158,7 +173,7 @@ fn states(command: &Validate, scene: &Scene) -> Result<Vec<State>, CommandError>
 fn cameras(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Vec<Camera>, CommandError> {
     let own = &caster.scene().cameras;
     if number.is_some() || own.is_empty() {
-        return Ok(vec![camera(caster, number)?]);
+        return Ok(vec![inputs::camera(caster, number)?]);
     }
     Ok(own.iter().take(MOST_CAMERAS).cloned().collect())
 }

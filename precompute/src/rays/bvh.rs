@@ -9,10 +9,11 @@ use glam::{Vec3, Vec3A};
 use obvhs::{
     Boundable, BvhBuildParams,
     aabb::Aabb,
-    cwbvh::{CwBvh, builder::build_cwbvh},
+    bvh2::reinsertion::ReinsertionOptimizer,
+    cwbvh::{CwBvh, bvh2_to_cwbvh::bvh2_to_cwbvh},
+    ploc::PlocBuilder,
     ray::{Ray, RayHit},
 };
-use std::time::Duration;
 
 /// Boxes grow by this times (largest absolute coordinate + 1) on every side: a few f32 roundings.
 const BOX_PADDING: f32 = 1e-6;
@@ -94,7 +95,7 @@ impl Tree {
         if boxes.is_empty() {
             return Ok(Self { bvh: CwBvh::default(), scale, triangles: Vec::new() });
         }
-        let bvh = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let bvh = eight_wide_tree(&boxes, BvhBuildParams::medium_build());
         let depth = stack_need(&bvh);
         if depth > MAX_STACK {
             return Err(TreeError::TooDeep { depth });
@@ -176,6 +177,19 @@ impl Tree {
     fn ray(&self, origin: Vec3, dir: Vec3, t_max: f32) -> Ray {
         Ray::new((origin * self.scale).into(), (dir + Vec3::ZERO).into(), 0.0, t_max * self.scale)
     }
+}
+
+/// What obvhs's `build_cwbvh` makes, without its clock, which browsers do not have.
+fn eight_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> CwBvh {
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        boxes,
+        (0..boxes.len() as u32).collect(),
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
+    bvh2_to_cwbvh(&tree, params.max_prims_per_leaf.clamp(1, 3), true, false)
 }
 
 /// Most groups that a traversal can have on its stack: the nodes on the way to a leaf that leave a second inner child
