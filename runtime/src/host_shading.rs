@@ -34,6 +34,34 @@ pub fn irradiance(radiance: &RadianceDegree1, normal: Vec3) -> Vec3 {
     sum.max(Vec3::ZERO)
 }
 
+/// Irradiance about a normal of something that light reaches from all around, W m^-2; not negative, and without the dark
+/// spot that [`irradiance`] has opposite of a bright light.
+///
+/// Each band by itself has a curve about the axis of its linear terms: constant for light from everywhere, ((1 + cos) / 2)^3
+/// of the light for a single one. The mean over all normals is that of the coefficients, the linear part within a tenth.
+/// Degree 1 knows no surface: where one hides half of the directions, [`irradiance`] is exact and this is not.
+///
+/// Source: Hazel 2017, Converting SH Radiance to Irradiance, of the Enlighten solver.
+pub fn irradiance_from_all_around(radiance: &RadianceDegree1, normal: Vec3) -> Vec3 {
+    let [c0, cy, cz, cx] = *radiance;
+    let band = |band: usize| {
+        let mean = PI * SH_0 * c0[band];
+        let axis = PI / 3.0 * SH_1 * Vec3::new(cx[band], cy[band], cz[band]);
+        let length = axis.length();
+        if mean <= 0.0 {
+            return 0.0;
+        }
+        // More than 1 is no light's, but rounding's or the compression's.
+        let ratio = (length / mean).min(1.0);
+        let cosine = if length > 0.0 { axis.dot(normal) / length } else { 0.0 };
+        let power = 1.0 + 2.0 * ratio;
+        let constant = (1.0 - ratio) / (1.0 + ratio);
+        let lobe = (power + 1.0) * (0.5 + 0.5 * cosine).clamp(0.0, 1.0).powf(power);
+        mean * (constant + (1.0 - constant) * lobe)
+    };
+    Vec3::new(band(0), band(1), band(2))
+}
+
 /// SH radiance of degree 1 as one directional light in constant surroundings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DominantLight {

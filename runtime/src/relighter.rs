@@ -9,7 +9,7 @@ pub use options::{DirectLight, MapPrecision, RelighterOptions, VolumeTextures};
 
 use crate::checked_bake::CheckedBake;
 use crate::error::RelightError;
-use crate::gpu::{Timestamps, zeros};
+use crate::gpu::{Timestamps, storage, zeros};
 use crate::occluder::{Occluder, check_occluders};
 use crate::passes::cluster_projection::ClusterProjectionPass;
 use crate::passes::direct_irradiance::{DirectPass, DirectTimestamps};
@@ -38,6 +38,7 @@ pub struct Relighter {
     light_map: LightMap,
     maps: ReceiverMaps,
     pages: Vec<TransportPage>,
+    probes: wgpu::Buffer,
     direct_lightmap: DirectLightmapPass,
     lightmap_mips: LightmapMipsPass,
     probe_relight: ProbeRelightPass,
@@ -62,6 +63,8 @@ type Pass = (&'static str, fn(&Relighter, &mut wgpu::ComputePass<'_>));
 struct Sizes {
     direct_size: u32,
     lightmap_size: u32,
+    n_probes: usize,
+    probe_degree: u32,
     n_sky: usize,
     n_rays: usize,
     n_k: usize,
@@ -104,6 +107,7 @@ impl Relighter {
                 .volume()
                 .map(|volume| GpuVolume::new(device, volume, &probe_relight.probe_radiance))
                 .transpose()?,
+            probes: storage(device, "probes", bytemuck::cast_slice(baked.view().probes)),
             direct_pass: None,
             lights: Vec::new(),
             lights_changed: false,
@@ -111,6 +115,8 @@ impl Relighter {
             sizes: Sizes {
                 direct_size: metadata.direct_size,
                 lightmap_size: metadata.lightmap_size,
+                n_probes: baked.n_probes(),
+                probe_degree: metadata.probe_degree,
                 n_sky: metadata.n_sky(),
                 n_rays: baked.n_rays(),
                 n_k: baked.n_k(),
@@ -419,6 +425,21 @@ impl Relighter {
     pub fn volume(&self) -> Option<VolumeTextures<'_>> {
         let volume = self.volume.as_ref()?;
         Some(VolumeTextures { grid: &volume.grid, coefficients: &volume.views })
+    }
+
+    /// The probes, `[n_probes]` of vec4f: position and support radius, metres. For shaders that gather from them.
+    pub fn probes(&self) -> &wgpu::Buffer {
+        &self.probes
+    }
+
+    /// Number of probes.
+    pub fn n_probes(&self) -> usize {
+        self.sizes.n_probes
+    }
+
+    /// SH degree of the probes.
+    pub fn probe_degree(&self) -> u32 {
+        self.sizes.probe_degree
     }
 
     /// SH radiance of the probes, `[n_probes, n_sh]` of vec4f, for display.

@@ -6,8 +6,7 @@ mod timestamps;
 
 pub use copy_bandwidth::{Clock, copy_bandwidth};
 
-pub use timestamps::PassTime;
-pub(crate) use timestamps::Timestamps;
+pub use timestamps::{PassTime, Timestamps};
 
 use crate::error::RelightError;
 use wgpu::util::DeviceExt;

@@ -1,18 +1,18 @@
-//! Buffers and textures back to the CPU, for tests and tools: waits for the GPU.
+//! Buffers and textures back to the CPU: at once by waiting for the GPU, or later as a [`Readback`].
+//!
+//! Browsers cannot wait; there a readback is awaited.
 
 use crate::error::RelightError;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
 
 /// The bytes of a buffer that can be copied from. Blocks until the GPU has finished all work submitted so far.
 ///
 /// # Errors
 /// [`RelightError::Device`] if the device is lost.
 pub fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Result<Vec<u8>, RelightError> {
-    let staging = staging(device, source.size());
-    let mut encoder =
-        device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("localprt.readback") });
-    encoder.copy_buffer_to_buffer(source, 0, &staging, 0, source.size());
-    queue.submit([encoder.finish()]);
-    mapped(device, &staging)
+    request_buffer(device, queue, source).wait(device)
 }
 
 /// Texels of one mip level and all layers of a texture, rows without padding. Blocks like [`buffer`].
@@ -25,6 +25,21 @@ pub fn texture(
     source: &wgpu::Texture,
     level: u32,
 ) -> Result<Vec<u8>, RelightError> {
+    request_texture(device, queue, source, level).wait(device)
+}
+
+/// Asks for what [`buffer`] gives.
+pub fn request_buffer(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Readback {
+    let staging = staging(device, source.size());
+    let mut encoder =
+        device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("localprt.readback") });
+    encoder.copy_buffer_to_buffer(source, 0, &staging, 0, source.size());
+    queue.submit([encoder.finish()]);
+    Readback::new(staging, None)
+}
+
+/// Asks for what [`texture`] gives.
+pub fn request_texture(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Texture, level: u32) -> Readback {
     let size = source.size().mip_level_size(level, source.dimension());
     let texel_bytes = source.format().block_copy_size(None).unwrap_or(16);
     let row = size.width * texel_bytes;
@@ -46,8 +61,83 @@ pub fn texture(
         size,
     );
     queue.submit([encoder.finish()]);
-    let bytes = mapped(device, &staging)?;
-    Ok(bytes.chunks_exact(padded_row as usize).flat_map(|line| &line[..row as usize]).copied().collect())
+    Readback::new(staging, Some(Rows { bytes: row as usize, padded: padded_row as usize }))
+}
+
+/// Bytes on their way from the GPU.
+///
+/// As a future it is ready once the device has been polled after the GPU has finished; browsers poll by themselves.
+pub struct Readback {
+    staging: wgpu::Buffer,
+    rows: Option<Rows>,
+    state: Arc<Mutex<State>>,
+}
+
+/// Rows of a texture in the staging buffer.
+#[derive(Clone, Copy)]
+struct Rows {
+    bytes: usize,
+    padded: usize,
+}
+
+#[derive(Default)]
+struct State {
+    mapped: Option<Result<(), wgpu::BufferAsyncError>>,
+    waker: Option<Waker>,
+}
+
+impl Readback {
+    fn new(staging: wgpu::Buffer, rows: Option<Rows>) -> Self {
+        let state = Arc::<Mutex<State>>::default();
+        let shared = Arc::clone(&state);
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            let mut state = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            state.mapped = Some(result);
+            if let Some(waker) = state.waker.take() {
+                waker.wake();
+            }
+        });
+        Self { staging, rows, state }
+    }
+
+    /// Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`] if the device is lost, or cannot be waited for.
+    pub fn wait(self, device: &wgpu::Device) -> Result<Vec<u8>, RelightError> {
+        device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| lost(&error))?;
+        self.take().unwrap_or_else(|| {
+            Err(RelightError::Device { reason: "the GPU cannot be waited for here; await the readback".into() })
+        })
+    }
+
+    /// The bytes if they are there.
+    fn take(&self) -> Option<Result<Vec<u8>, RelightError>> {
+        let mapped = self.state.lock().unwrap_or_else(PoisonError::into_inner).mapped.take()?;
+        Some(mapped.map_err(|error| lost(&error)).and_then(|()| self.copied()))
+    }
+
+    fn copied(&self) -> Result<Vec<u8>, RelightError> {
+        let bytes = self.staging.get_mapped_range(..).map_err(|error| lost(&error))?;
+        Ok(match self.rows {
+            None => bytes.to_vec(),
+            Some(rows) => bytes.chunks_exact(rows.padded).flat_map(|line| &line[..rows.bytes]).copied().collect(),
+        })
+    }
+}
+
+impl Future for Readback {
+    type Output = Result<Vec<u8>, RelightError>;
+
+    fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        // Before looking, so that nothing that comes between is missed.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).waker = Some(context.waker().clone());
+        self.take().map_or(Poll::Pending, Poll::Ready)
+    }
+}
+
+fn lost(error: &dyn std::error::Error) -> RelightError {
+    RelightError::Device { reason: error.to_string() }
 }
 
 fn staging(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
@@ -59,11 +149,30 @@ fn staging(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
     })
 }
 
-fn mapped(device: &wgpu::Device, staging: &wgpu::Buffer) -> Result<Vec<u8>, RelightError> {
-    let lost = |reason: String| RelightError::Device { reason };
-    let (sender, receiver) = std::sync::mpsc::channel();
-    staging.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-    device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| lost(error.to_string()))?;
-    receiver.recv().map_err(|error| lost(error.to_string()))?.map_err(|error| lost(error.to_string()))?;
-    Ok(staging.get_mapped_range(..).map_err(|error| lost(error.to_string()))?.to_vec())
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    struct Count(AtomicU32);
+
+    impl std::task::Wake for Count {
+        fn wake(self: Arc<Self>) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn a_readback_wakes_its_task_with_the_bytes() {
+        let Some((device, queue)) = crate::test_gpu::device("a_readback_wakes_its_task_with_the_bytes") else { return };
+        let source = crate::gpu::storage(&device, "readback.test", &[7; 20]);
+        let mut readback = request_buffer(&device, &queue, &source);
+        let count = Arc::new(Count(AtomicU32::new(0)));
+        let waker = Waker::from(Arc::clone(&count));
+        let mut poll = || Pin::new(&mut readback).poll(&mut Context::from_waker(&waker));
+        assert!(poll().is_pending());
+        device.poll(wgpu::PollType::wait_indefinitely()).expect("a device");
+        assert_eq!(count.0.load(Ordering::Relaxed), 1);
+        assert!(matches!(poll(), Poll::Ready(Ok(bytes)) if bytes == [7; 20]));
+    }
 }

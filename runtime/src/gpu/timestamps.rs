@@ -22,7 +22,8 @@ const RESOLVED: u8 = 1;
 const MAPPING: u8 = 2;
 const MAPPED: u8 = 3;
 
-pub(crate) struct Timestamps {
+/// Times the passes of one frame; those of the next are not timed while the last ones are on their way.
+pub struct Timestamps {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     staging: wgpu::Buffer,
@@ -34,7 +35,7 @@ pub(crate) struct Timestamps {
 
 impl Timestamps {
     /// `None` without `Features::TIMESTAMP_QUERY`.
-    pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<Self> {
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Option<Self> {
         if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
         }
@@ -64,15 +65,15 @@ impl Timestamps {
     }
 
     /// Starts a frame. While times of an earlier frame are on their way, the new frame is not timed.
-    pub(crate) fn begin_frame(&mut self) {
+    pub fn begin_frame(&mut self) {
         if self.state.load(Ordering::Acquire) <= RESOLVED {
             self.state.store(IDLE, Ordering::Release);
             self.spans.clear();
         }
     }
 
-    /// Begin and end query of the next pass.
-    pub(crate) fn reserve(&mut self, name: &'static str) -> Option<(u32, u32)> {
+    /// Begin and end query of the next pass; `None` if it is not timed.
+    pub fn reserve(&mut self, name: &'static str) -> Option<(u32, u32)> {
         let index = self.spans.len() as u32;
         if self.state.load(Ordering::Acquire) != IDLE || index == MAX_SPANS {
             return None;
@@ -81,12 +82,13 @@ impl Timestamps {
         Some((2 * index, 2 * index + 1))
     }
 
-    pub(crate) fn queries(&self) -> &wgpu::QuerySet {
+    /// The queries that [`Timestamps::reserve`] numbers.
+    pub fn queries(&self) -> &wgpu::QuerySet {
         &self.queries
     }
 
-    /// Ends a frame.
-    pub(crate) fn end_frame(&mut self, encoder: &mut wgpu::CommandEncoder) {
+    /// Ends a frame: records how its times get where they can be read.
+    pub fn end_frame(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.state.load(Ordering::Acquire) != IDLE || self.spans.is_empty() {
             return;
         }
@@ -97,7 +99,7 @@ impl Timestamps {
     }
 
     /// Times of the last timed frame once they have arrived; call again later if `None`.
-    pub(crate) fn take(&mut self) -> Option<Vec<PassTime>> {
+    pub fn take(&mut self) -> Option<Vec<PassTime>> {
         match self.state.load(Ordering::Acquire) {
             RESOLVED => {
                 self.state.store(MAPPING, Ordering::Release);

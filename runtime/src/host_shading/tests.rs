@@ -68,6 +68,33 @@ fn one_bright_direction_comes_back() {
 }
 
 #[test]
+fn light_from_all_around_leaves_no_dark_spot() {
+    let color = Vec3::new(1.0, 2.0, 0.5);
+    let constant = [color * (4.0 * PI).sqrt(), Vec3::ZERO, Vec3::ZERO, Vec3::ZERO];
+    for index in 0..50 {
+        let normal = direction(index, 50);
+        close(irradiance_from_all_around(&constant, normal), PI * color, 8e-6);
+        // One light: all of it where the normal faces it, an eighth from the side, nothing from behind.
+        let light = from_direction(normal, color);
+        close(irradiance_from_all_around(&light, normal), color, 8e-6);
+        close(irradiance_from_all_around(&light, normal.any_orthonormal_vector()), color / 8.0, 2e-6);
+        close(irradiance_from_all_around(&light, -normal), Vec3::ZERO, 1e-6);
+    }
+    assert_eq!(irradiance_from_all_around(&[Vec3::ZERO; 4], Vec3::Y), Vec3::ZERO);
+    assert_eq!(irradiance_from_all_around(&[-Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z], Vec3::Y), Vec3::ZERO);
+    // Between them, what arrives in the mean over all normals is pi Y_00 c_0, and what is behind the light is not black.
+    let light = from_direction(Vec3::Y, Vec3::splat(8.0));
+    let between = std::array::from_fn(|k| constant[k] + light[k]);
+    let count = 20_000;
+    let mean = (0..count).map(|index| irradiance_from_all_around(&between, direction(index, count))).sum::<Vec3>();
+    // A smooth function on the lattice, and sums of 10^4 f32 values.
+    close(mean / count as f32, PI * SH_0 * between[0], 1e-3);
+    let behind = irradiance_from_all_around(&between, Vec3::NEG_Y);
+    assert!(behind.cmpgt(0.4 * PI * color).all() && behind.cmple(PI * color).all(), "{behind}");
+    assert!(irradiance(&between, Vec3::NEG_Y).z < 0.5 * behind.z);
+}
+
+#[test]
 fn each_color_is_projected_on_the_direction_of_the_luminance() {
     let lights = [(Vec3::X, Vec3::new(4.0, 0.0, 0.0)), (Vec3::Y, Vec3::new(0.0, 4.0, 0.0))];
     let mut radiance = [Vec3::ZERO; 4];
@@ -182,7 +209,7 @@ fn random_inputs(count: u32) -> Vec<[f32; 20]> {
 }
 
 #[cfg(feature = "gpu")]
-fn results(input: &[f32; 20]) -> [Vec3; 5] {
+fn results(input: &[f32; 20]) -> [Vec3; 6] {
     let color = |at: usize| Vec3::from_slice(&input[at..at + 3]);
     let radiance = [color(0), color(3), color(6), color(9)];
     let (normal, eye, f0, roughness) = (color(12), color(15), Vec3::splat(input[18]), input[19]);
@@ -193,6 +220,7 @@ fn results(input: &[f32; 20]) -> [Vec3; 5] {
         light.irradiance,
         light.ambient,
         indirect_specular(&radiance, normal, eye, f0, roughness),
+        irradiance_from_all_around(&radiance, normal),
     ]
 }
 
@@ -214,19 +242,20 @@ fn the_shader_computes_the_same() {
             let radiance = LocalprtRadiance(color(at), color(at + 3u), color(at + 6u), color(at + 9u));
             let normal = color(at + 12u);
             let light = localprt_dominant_light(radiance);
-            results[5u * id.x] = vec4f(localprt_irradiance(radiance, normal), 0.0);
-            results[5u * id.x + 1u] = vec4f(light.dir_to_light, 0.0);
-            results[5u * id.x + 2u] = vec4f(light.irradiance, 0.0);
-            results[5u * id.x + 3u] = vec4f(light.ambient, 0.0);
+            results[6u * id.x] = vec4f(localprt_irradiance(radiance, normal), 0.0);
+            results[6u * id.x + 1u] = vec4f(light.dir_to_light, 0.0);
+            results[6u * id.x + 2u] = vec4f(light.irradiance, 0.0);
+            results[6u * id.x + 3u] = vec4f(light.ambient, 0.0);
             let f0 = vec3f(inputs[at + 18u]);
             let specular = localprt_indirect_specular(radiance, normal, color(at + 15u), f0, inputs[at + 19u]);
-            results[5u * id.x + 4u] = vec4f(specular, 0.0);
+            results[6u * id.x + 4u] = vec4f(specular, 0.0);
+            results[6u * id.x + 5u] = vec4f(localprt_irradiance_from_all_around(radiance, normal), 0.0);
         }";
     let Some((device, queue)) = crate::test_gpu::device("the_shader_computes_the_same") else { return };
     let inputs = random_inputs(4096);
     let kernel = Kernel::new(&device, "shade", &[crate::HOST_WGSL, SHADER].concat(), &[]);
     let buffer = storage(&device, "host_shading.inputs", bytemuck::cast_slice(inputs.as_flattened()));
-    let results_buffer = zeros(&device, "host_shading.results", inputs.len() as u64 * 80);
+    let results_buffer = zeros(&device, "host_shading.results", inputs.len() as u64 * 96);
     let bindings = kernel.bind(&device, &[buffer.as_entire_binding(), results_buffer.as_entire_binding()]);
     let mut encoder = device.create_command_encoder(&Default::default());
     {
@@ -236,9 +265,11 @@ fn the_shader_computes_the_same() {
     queue.submit([encoder.finish()]);
     let bytes = readback::buffer(&device, &queue, &results_buffer).expect("results");
     let found: Vec<Vec3> = bytes.chunks_exact(16).map(|value| bytemuck::pod_read_unaligned(&value[..12])).collect();
-    let expected: Vec<[Vec3; 5]> = inputs.iter().map(results).collect();
-    for (output, name) in ["irradiance", "direction", "light", "ambient", "specular"].into_iter().enumerate() {
-        let found: Vec<Vec3> = found.iter().skip(output).step_by(5).copied().collect();
+    let expected: Vec<[Vec3; 6]> = inputs.iter().map(results).collect();
+    for (output, name) in
+        ["irradiance", "direction", "light", "ambient", "specular", "all around"].into_iter().enumerate()
+    {
+        let found: Vec<Vec3> = found.iter().skip(output).step_by(6).copied().collect();
         let expected: Vec<Vec3> = expected.iter().map(|outputs| outputs[output]).collect();
         let error = relative_rms(&found, &expected);
         eprintln!("{name}: relative RMS {error:.1e}");

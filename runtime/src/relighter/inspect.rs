@@ -135,6 +135,7 @@ impl Relighter {
             ("cluster lights", pages(|page| page.cluster_lights.size())),
             ("receiver coefficients", pages(|page| page.coefficients.size())),
             ("texels of receivers and gutters", self.gutter_dilation.bytes()),
+            ("probes", self.probes.size()),
         ];
         memory.extend_from_slice(self.probe_relight.memory());
         memory.extend(self.direct_lightmap.memory());

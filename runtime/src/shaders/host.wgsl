@@ -48,6 +48,30 @@ fn localprt_irradiance(radiance: LocalprtRadiance, normal: vec3f) -> vec3f {
     return max(constant + (2.0 / 3.0 * LOCALPRT_PI * LOCALPRT_SH_1) * linear, vec3f(0.0));
 }
 
+// Irradiance about a normal of something that light reaches from all around; not negative, and without the dark spot that
+// localprt_irradiance() has opposite of a bright light. Hazel 2017.
+fn localprt_irradiance_from_all_around(radiance: LocalprtRadiance, normal: vec3f) -> vec3f {
+    return vec3f(
+        localprt_band_from_all_around(radiance.c0.r, vec3f(radiance.cx.r, radiance.cy.r, radiance.cz.r), normal),
+        localprt_band_from_all_around(radiance.c0.g, vec3f(radiance.cx.g, radiance.cy.g, radiance.cz.g), normal),
+        localprt_band_from_all_around(radiance.c0.b, vec3f(radiance.cx.b, radiance.cy.b, radiance.cz.b), normal),
+    );
+}
+
+fn localprt_band_from_all_around(c0: f32, linear: vec3f, normal: vec3f) -> f32 {
+    let mean = LOCALPRT_PI * LOCALPRT_SH_0 * c0;
+    let axis = LOCALPRT_PI / 3.0 * LOCALPRT_SH_1 * linear;
+    let size = length(axis);
+    if (mean <= 0.0) { return 0.0; }
+    // More than 1 is no light's, but rounding's or the compression's.
+    let ratio = min(size / mean, 1.0);
+    let cosine = select(0.0, dot(axis, normal) / size, size > 0.0);
+    let power = 1.0 + 2.0 * ratio;
+    let constant = (1.0 - ratio) / (1.0 + ratio);
+    let lobe = (power + 1.0) * pow(clamp(0.5 + 0.5 * cosine, 0.0, 1.0), power);
+    return mean * (constant + (1.0 - constant) * lobe);
+}
+
 // SH radiance of degree 1 as one directional light in constant surroundings.
 struct LocalprtDominantLight {
     // Unit, towards the light; zero if no direction is brighter than another.

@@ -64,7 +64,8 @@ fn cluster_projection(
 
     for (var first_row = 0u; first_row < cluster.n_coefficients; first_row += ROWS) {
         let n_rows = min(ROWS, cluster.n_coefficients - first_row);
-        var row_sums: array<vec3f, ROWS>;
+        // Written out: Chromium starts a variable without a value at zero once, not in every turn of the loop.
+        var row_sums = array<vec3f, ROWS>();
         for (var pair = local; pair < n_pairs; pair += LANES) {
             let low = input(cluster, 2u * pair, n_used);
             let high = input(cluster, 2u * pair + 1u, n_used);
