@@ -28,6 +28,9 @@ pub(crate) const ATTRIBUTES: [wgpu::VertexAttribute; 8] = wgpu::vertex_attr_arra
 ];
 pub(crate) const STRIDE: u64 = size_of::<Vertex>() as u64;
 
+/// Lightmap coordinate of meshes without.
+const NOWHERE: Vec2 = Vec2::splat(-1.0);
+
 pub(crate) struct Geometry {
     pub(crate) vertices: wgpu::Buffer,
     pub(crate) indices: wgpu::Buffer,
@@ -79,7 +82,7 @@ fn push_vertices(scene: &Scene, mesh: &Mesh, vertices: &mut Vec<Vertex>) {
         base_uv: uv(material.base_color_texture, vertex).to_array(),
         emission_uv: uv(material.emission_texture, vertex).to_array(),
         normal_uv: uv(material.normal_texture, vertex).to_array(),
-        lightmap_uv: lightmap.map_or(Vec2::ZERO, |set| set[vertex]).to_array(),
+        lightmap_uv: lightmap.map_or(NOWHERE, |set| set[vertex]).to_array(),
         color: mesh.colors.get(vertex).copied().unwrap_or(Vec4::ONE).to_array(),
     }));
 }

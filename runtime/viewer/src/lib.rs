@@ -5,15 +5,15 @@
 //! [`View`]. Out: radiance and a tone-mapped picture in an [`OffscreenTarget`].
 //!
 //! ```no_run
-//! # use localprt_viewer::{DrawOptions, OffscreenTarget, SceneDraw, View};
+//! # use localprt_viewer::{DrawOptions, OffscreenTarget, SceneDraw, ToneMap, View};
 //! # fn f(device: &wgpu::Device, queue: &wgpu::Queue, scene: &localprt_scenes::Scene,
 //! #      gi: &mut localprt_runtime::Relighter, view: &View) -> Result<(), Box<dyn std::error::Error>> {
 //! let mut draw = SceneDraw::new(device, queue, scene, gi, DrawOptions::default())?;
 //! let target = OffscreenTarget::new(device, 960, 540);
 //! let mut encoder = device.create_command_encoder(&Default::default());
 //! gi.encode(&mut encoder, &localprt_runtime::DirectLight::Lights)?;
-//! draw.encode(queue, &mut encoder, gi, view, &target)?;
-//! target.tone_map(queue, &mut encoder, 1.0);
+//! draw.encode(queue, &mut encoder, gi, view, &target, None, None)?;
+//! target.tone_map(queue, &mut encoder, 1.0, ToneMap::default());
 //! queue.submit([encoder.finish()]);
 //! let rgb = target.read_srgb(device, queue)?;
 //! # Ok(()) }
@@ -21,13 +21,70 @@
 //!
 //! World space, metres, +Y up; radiance in W sr^-1 m^-2, linear Rec. 709.
 
+mod app;
+mod blit;
+#[cfg(not(target_arch = "wasm32"))]
+mod camera_path;
+#[cfg(not(target_arch = "wasm32"))]
+pub mod cli;
+mod daylight;
+mod draw_error;
+mod exposure;
+mod frame;
 mod geometry;
+mod gizmo;
+mod gpu;
+#[cfg(not(target_arch = "wasm32"))]
+mod headless;
+mod object_light;
 mod objects;
+mod options;
+mod overlay_shapes;
+mod overlays;
+mod panel;
+mod receiver_maps;
+#[cfg(not(target_arch = "wasm32"))]
+mod run;
 mod scene_draw;
+mod scene_overlays;
+mod session;
 mod sky;
+mod stage;
+mod state;
 mod target;
 mod textures;
+mod tone;
+mod viewpoint;
+mod viewport;
+mod views;
+#[cfg(target_arch = "wasm32")]
+pub mod web;
+mod window;
 
+pub use app::{App, Requests};
+pub use blit::PixelRect;
+pub use draw_error::DrawError;
+pub use frame::Renderer;
+pub use gizmo::{Drag, MouseRay, axis_under, drag_along, gizmo};
+pub use gpu::Gpu;
+#[cfg(not(target_arch = "wasm32"))]
+pub use headless::Headless;
 pub use objects::{MovingObject, ObjectShape, moving_casters};
-pub use scene_draw::{DrawError, DrawOptions, SceneDraw, Specular, View};
+pub use options::{DrawOptions, Specular, View};
+pub use overlay_shapes::{
+    Support, SupportingProbe, light_shape, probe_rays, receiver_lines, support_sphere, supporting_probes,
+};
+pub use overlays::{OverlayLine, Overlays, ProbeSpheres, default_probe_radius_m};
+pub use panel::{Figures, History};
+pub use receiver_maps::{Legend, ReceiverMap, receiver_map};
+#[cfg(not(target_arch = "wasm32"))]
+pub use run::run;
+pub use scene_draw::SceneDraw;
+pub use session::{Files, Session};
+pub use stage::Stage;
+pub use state::{Ball, Bounces, Door, LitObject, Look, OverlayState, SceneLight, ViewState};
 pub use target::{OffscreenTarget, WHITE};
+pub use tone::ToneMap;
+pub use viewpoint::Viewpoint;
+pub use viewport::{CameraMode, Viewport};
+pub use views::{GREY_ALBEDO, ViewKind};

@@ -1,9 +1,8 @@
-//! Objects that move: spheres and boxes with a color of their own, lit by SH radiance that the caller gives.
+//! Objects that move: spheres and boxes with a color of their own. What lights them is in `object_light.rs`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 use localprt_runtime::ShadowCasters;
-use localprt_runtime::host_shading::RadianceDegree1;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// Shape of a [`MovingObject`] in its own axes.
@@ -26,8 +25,6 @@ pub struct MovingObject {
     pub albedo: Vec3,
     /// Emitted radiance, W sr^-1 m^-2.
     pub emission: Vec3,
-    /// Indirect light that arrives at it from all around: SH radiance of degree 1, world axes.
-    pub light: RadianceDegree1,
 }
 
 /// `Object` of the shader.
@@ -37,7 +34,6 @@ pub(crate) struct ObjectRecord {
     to_world: [[f32; 4]; 4],
     albedo: [f32; 4],
     emission: [f32; 4],
-    light: [[f32; 4]; 4],
 }
 
 impl From<&MovingObject> for ObjectRecord {
@@ -47,7 +43,6 @@ impl From<&MovingObject> for ObjectRecord {
             to_world: object.to_world.to_cols_array_2d(),
             albedo: padded(object.albedo.clamp(Vec3::ZERO, Vec3::ONE)),
             emission: padded(object.emission),
-            light: object.light.map(padded),
         }
     }
 }
@@ -55,34 +50,35 @@ impl From<&MovingObject> for ObjectRecord {
 /// Segments around a sphere, and half as many from pole to pole.
 const SEGMENTS: u32 = 48;
 
-struct Shape {
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
+pub(crate) struct Shape {
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) normals: Vec<Vec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 fn shape(shape: ObjectShape) -> Shape {
     match shape {
-        ObjectShape::Sphere => sphere(),
+        ObjectShape::Sphere => sphere(SEGMENTS),
         ObjectShape::Box => cube(),
     }
 }
 
-fn sphere() -> Shape {
-    let rings = SEGMENTS / 2;
+/// Of radius 1, with an even number of segments around it and half as many from pole to pole.
+pub(crate) fn sphere(segments: u32) -> Shape {
+    let rings = segments / 2;
     let point = |index: u32| {
-        let (ring, segment) = (index / (SEGMENTS + 1), index % (SEGMENTS + 1));
+        let (ring, segment) = (index / (segments + 1), index % (segments + 1));
         let polar = ring as f32 / rings as f32 * std::f32::consts::PI;
-        let azimuth = segment as f32 / SEGMENTS as f32 * std::f32::consts::TAU;
+        let azimuth = segment as f32 / segments as f32 * std::f32::consts::TAU;
         Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), polar.sin() * azimuth.cos())
     };
-    let positions: Vec<Vec3> = (0..(rings + 1) * (SEGMENTS + 1)).map(point).collect();
+    let positions: Vec<Vec3> = (0..(rings + 1) * (segments + 1)).map(point).collect();
     let cell = |index: u32| {
-        let a = index / SEGMENTS * (SEGMENTS + 1) + index % SEGMENTS;
-        let below = a + SEGMENTS + 1;
+        let a = index / segments * (segments + 1) + index % segments;
+        let below = a + segments + 1;
         [[a, below, below + 1], [a, below + 1, a + 1]]
     };
-    Shape { normals: positions.clone(), positions, triangles: (0..rings * SEGMENTS).flat_map(cell).collect() }
+    Shape { normals: positions.clone(), positions, triangles: (0..rings * segments).flat_map(cell).collect() }
 }
 
 fn cube() -> Shape {
@@ -122,7 +118,7 @@ pub(crate) struct ObjectGeometry {
 
 impl ObjectGeometry {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let (sphere, cube) = (sphere(), cube());
+        let (sphere, cube) = (sphere(SEGMENTS), cube());
         let vertices: Vec<[Vec3; 2]> = [&sphere, &cube]
             .into_iter()
             .flat_map(|shape| shape.positions.iter().zip(&shape.normals).map(|(&position, &normal)| [position, normal]))
@@ -178,7 +174,6 @@ mod tests {
             to_world: Mat4::from_translation(Vec3::new(1.0, 2.0, 3.0)) * Mat4::from_scale(Vec3::splat(0.5)),
             albedo: Vec3::ZERO,
             emission: Vec3::ZERO,
-            light: [Vec3::ZERO; 4],
         };
         let casters = moving_casters(&[object, object]);
         assert_eq!(casters.check(), Ok(()));

@@ -1,82 +1,20 @@
 //! Draws surfaces, objects and sky into an [`OffscreenTarget`].
 
+use crate::draw_error::DrawError;
 use crate::geometry::{self, Geometry};
+use crate::object_light::ObjectLight;
 use crate::objects::{MovingObject, ObjectGeometry, ObjectRecord};
+use crate::options::{DrawOptions, Specular, View};
+use crate::overlays::{OverlayView, Overlays};
+use crate::receiver_maps::{self, ReceiverMap};
 use crate::sky::SkyRecord;
 use crate::target::{COLOR, DEPTH, OffscreenTarget, SAMPLES};
 use crate::textures;
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec3, camera::rh::proj::directx::perspective_infinite_reverse};
+use glam::{Vec3, camera::rh::proj::directx::perspective_infinite_reverse};
 use localprt_runtime::{DIRECT_LIGHT_WGSL, HOST_WGSL, Relighter};
-use localprt_scenes::{AlphaMode, Camera, Material, MaterialOverride, Scene, Sky};
-use std::fmt;
+use localprt_scenes::{AlphaMode, Material, MaterialOverride, Scene, Sky};
 use wgpu::{BindGroupEntry, BindingResource, ShaderStages};
-
-/// What a picture shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DrawOptions {
-    /// Normal maps bend normals. Where they do, indirect light is that of the degree-1 SH radiance about the bent normal,
-    /// if the file has it.
-    pub normal_maps: bool,
-    /// Mirror reflection of direct light and, if the file has degree-1 SH radiance, of indirect light.
-    pub specular: Option<Specular>,
-    /// Backs of one-sided surfaces are left out; otherwise they are black.
-    pub cull_backs: bool,
-}
-
-impl Default for DrawOptions {
-    fn default() -> Self {
-        Self { normal_maps: true, specular: None, cull_backs: false }
-    }
-}
-
-/// Mirror reflection of all surfaces.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Specular {
-    /// Reflectance head on; 0.04 for most that is not metal.
-    pub f0: f32,
-    /// Replaces the roughness of materials.
-    pub roughness: Option<f32>,
-}
-
-/// A camera that looks along -Z of its transform, +Y up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Camera to world, no scale.
-    pub to_world: Mat4,
-    /// Vertical field of view, radians.
-    pub fov_y: f32,
-    /// Distance at which surfaces begin to be drawn, metres.
-    pub near_m: f32,
-}
-
-impl View {
-    /// The view of a scene's camera, for a scene of this size in metres.
-    pub fn of_camera(camera: &Camera, extent_m: f32) -> Self {
-        Self { to_world: camera.to_world, fov_y: camera.fov_y, near_m: 5e-4 * extent_m }
-    }
-}
-
-/// Why a scene cannot be drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum DrawError {
-    /// The relighter has no scene, and so no lights.
-    NoScene,
-    /// The relighter's shadow maps hold some of the lights only.
-    TooManyLights,
-}
-
-impl fmt::Display for DrawError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NoScene => "the relighter has no scene; call `Relighter::set_scene` first",
-            Self::TooManyLights => "not all shadow maps fit at once; raise `shadow_layers` of the relighter's options",
-        })
-    }
-}
-
-impl std::error::Error for DrawError {}
 
 /// `Frame` of the shader.
 #[repr(C)]
@@ -94,7 +32,8 @@ struct FrameRecord {
     zenith: [f32; 3],
     roughness: f32,
     horizon: [f32; 4],
-    ground: [f32; 4],
+    ground: [f32; 3],
+    view: u32,
 }
 
 const FLAG_NORMAL_MAPS: u32 = 1;
@@ -148,23 +87,27 @@ pub struct SceneDraw {
     object_geometry: ObjectGeometry,
     objects: Vec<MovingObject>,
     object_buffer: wgpu::Buffer,
+    object_light: ObjectLight,
     sky: SkyRecord,
     frame_buffer: wgpu::Buffer,
     frame_layout: wgpu::BindGroupLayout,
     frame_group: wgpu::BindGroup,
     maps: Maps,
-    surface_pipeline: wgpu::RenderPipeline,
+    /// Fronts, then backs: where two surfaces share a place, the one that is seen wins.
+    surface_pipelines: [wgpu::RenderPipeline; 2],
     object_pipeline: wgpu::RenderPipeline,
     sky_pipeline: wgpu::RenderPipeline,
 }
 
-/// The relighter's maps.
+/// The relighter's maps, and that of the receivers.
 struct Maps {
     irradiance: wgpu::TextureView,
     /// One texel if the relighter has none.
     radiance: wgpu::TextureView,
     has_radiance: bool,
     sampler: wgpu::Sampler,
+    /// Of the map views.
+    receivers: wgpu::TextureView,
 }
 
 impl SceneDraw {
@@ -183,7 +126,7 @@ impl SceneDraw {
         let light_layout = relighter.direct_pass().ok_or(DrawError::NoScene)?.light_layout();
         let frame_layout = frame_layout(device);
         let material_layout = textures::material_layout(device);
-        let maps = Maps::new(device, relighter);
+        let maps = Maps::new(device, queue, relighter);
         let sky = SkyRecord::new(device, queue, &Sky::Black);
         let buffer = |label, size: usize, usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
@@ -200,8 +143,9 @@ impl SceneDraw {
         let frame_buffer = buffer("viewer.frame", size_of::<FrameRecord>(), uniform);
         let frame_group =
             frame_group(device, &frame_layout, [&frame_buffer, &material_buffer, &object_buffer], &maps, &sky.view);
-        let pipeline = pipelines(device, [light_layout, &frame_layout, &material_layout]);
-        let [surface_pipeline, object_pipeline, sky_pipeline] = pipeline;
+        let object_light = ObjectLight::new(device, relighter);
+        let pipeline = pipelines(device, [light_layout, &frame_layout, &material_layout, &object_light.layout]);
+        let [fronts, backs, object_pipeline, sky_pipeline] = pipeline;
         let draw = Self {
             options,
             geometry: Geometry::new(device, scene),
@@ -211,12 +155,13 @@ impl SceneDraw {
             object_geometry: ObjectGeometry::new(device),
             objects: Vec::new(),
             object_buffer,
+            object_light,
             sky,
             frame_buffer,
             frame_layout,
             frame_group,
             maps,
-            surface_pipeline,
+            surface_pipelines: [fronts, backs],
             object_pipeline,
             sky_pipeline,
         };
@@ -247,7 +192,14 @@ impl SceneDraw {
         self.bind_frame(device);
     }
 
-    /// Objects that are drawn with the scene. They cast shadows if the relighter has their
+    /// What surfaces show in the map views; nothing until set. Its size is that of the relighter's file.
+    pub fn set_receiver_map(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, map: &ReceiverMap) {
+        self.maps.receivers = receiver_maps::upload(device, queue, map.size, &map.rgba);
+        self.bind_frame(device);
+    }
+
+    /// Objects that are drawn with the scene, in the indirect light of the file's volume, or else of the probes around
+    /// them. They cast shadows if the relighter has their
     /// [`moving_casters`](crate::moving_casters).
     pub fn set_objects(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, objects: &[MovingObject]) {
         let records: Vec<ObjectRecord> = objects.iter().map(ObjectRecord::from).collect();
@@ -270,7 +222,8 @@ impl SceneDraw {
         self.frame_group = frame_group(device, &self.frame_layout, buffers, &self.maps, &self.sky.view);
     }
 
-    /// Records one picture into the target's radiance, with the lights and maps that the relighter has last encoded.
+    /// Records one picture into the target's radiance, with the lights and maps that the relighter has last encoded, and
+    /// overlays over it.
     ///
     /// # Errors
     /// [`DrawError::NoScene`], [`DrawError::TooManyLights`].
@@ -281,10 +234,13 @@ impl SceneDraw {
         relighter: &Relighter,
         view: &View,
         target: &OffscreenTarget,
+        overlays: Option<&Overlays>,
+        timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) -> Result<(), DrawError> {
         let direct_pass = relighter.direct_pass().ok_or(DrawError::NoScene)?;
         let lights = direct_pass.light_group().ok_or(DrawError::TooManyLights)?;
-        queue.write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame(view, target.aspect())));
+        let frame = self.frame(view, target.aspect());
+        queue.write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&frame));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("viewer.scene"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -298,18 +254,26 @@ impl SceneDraw {
                 depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
                 stencil_ops: None,
             }),
+            timestamp_writes: timestamps,
             ..Default::default()
         });
         pass.set_bind_group(0, lights, &[0]);
         pass.set_bind_group(1, &self.frame_group, &[]);
-        pass.set_pipeline(&self.surface_pipeline);
         pass.set_vertex_buffer(0, self.geometry.vertices.slice(..));
         pass.set_index_buffer(self.geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
-        for (indices, material) in &self.geometry.draws {
-            pass.set_bind_group(2, &self.material_groups[*material], &[]);
-            pass.draw_indexed(indices.clone(), 0, *material as u32..*material as u32 + 1);
+        for (index, pipeline) in self.surface_pipelines.iter().enumerate() {
+            pass.set_pipeline(pipeline);
+            for (indices, material) in &self.geometry.draws {
+                let is_back = index == 1;
+                if is_back && self.options.cull_backs && !self.materials[*material].double_sided {
+                    continue;
+                }
+                pass.set_bind_group(2, &self.material_groups[*material], &[]);
+                pass.draw_indexed(indices.clone(), 0, *material as u32..*material as u32 + 1);
+            }
         }
         pass.set_pipeline(&self.object_pipeline);
+        pass.set_bind_group(2, &self.object_light.group, &[]);
         pass.set_vertex_buffer(0, self.object_geometry.vertices.slice(..));
         pass.set_index_buffer(self.object_geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
         for (index, object) in self.objects.iter().enumerate() {
@@ -318,6 +282,12 @@ impl SceneDraw {
         }
         pass.set_pipeline(&self.sky_pipeline);
         pass.draw(0..3, 0..1);
+        if let Some(overlays) = overlays {
+            let picture = target.radiance_view.texture();
+            let size_px = [picture.width() as f32, picture.height() as f32];
+            let view = OverlayView { world_to_clip: frame.world_to_clip, eye: frame.eye, size_px };
+            overlays.encode(queue, &mut pass, &view);
+        }
         Ok(())
     }
 
@@ -347,13 +317,14 @@ impl SceneDraw {
             zenith: zenith.to_array(),
             roughness: specular.roughness.unwrap_or(-1.0),
             horizon: horizon.extend(0.0).to_array(),
-            ground: ground.extend(0.0).to_array(),
+            ground: ground.to_array(),
+            view: self.options.view.code(),
         }
     }
 }
 
 impl Maps {
-    fn new(device: &wgpu::Device, relighter: &Relighter) -> Self {
+    fn new(device: &wgpu::Device, queue: &wgpu::Queue, relighter: &Relighter) -> Self {
         let radiance = relighter.radiance_view().cloned();
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("viewer.maps"),
@@ -366,6 +337,7 @@ impl Maps {
             has_radiance: radiance.is_some(),
             radiance: radiance.unwrap_or_else(|| no_radiance(device)),
             sampler,
+            receivers: receiver_maps::upload(device, queue, 1, &[0; 4]),
         }
     }
 }
@@ -406,6 +378,7 @@ fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
             entry(4, ShaderStages::FRAGMENT, storage),
             entry(5, ShaderStages::VERTEX_FRAGMENT, storage),
             entry(6, ShaderStages::FRAGMENT, texture(false, wgpu::TextureViewDimension::D2)),
+            entry(7, ShaderStages::FRAGMENT, texture(false, wgpu::TextureViewDimension::D2)),
         ],
     })
 }
@@ -430,24 +403,31 @@ fn frame_group(
             BindGroupEntry { binding: 4, resource: materials.as_entire_binding() },
             BindGroupEntry { binding: 5, resource: objects.as_entire_binding() },
             BindGroupEntry { binding: 6, resource: BindingResource::TextureView(sky) },
+            BindGroupEntry { binding: 7, resource: BindingResource::TextureView(&maps.receivers) },
         ],
     })
 }
 
 /// The whole shader.
 fn source() -> String {
-    [DIRECT_LIGHT_WGSL, HOST_WGSL, include_str!("scene_draw.wgsl")].join("\n")
+    [DIRECT_LIGHT_WGSL, HOST_WGSL, include_str!("scene_draw.wgsl"), include_str!("objects.wgsl")].join("\n")
 }
 
-/// Of surfaces, objects and sky. `layouts`: lights, frame, material.
-fn pipelines(device: &wgpu::Device, layouts: [&wgpu::BindGroupLayout; 3]) -> [wgpu::RenderPipeline; 3] {
+/// Twins of opposite winding have the same corners in another order, and their depths differ by roundings: some dozens of
+/// f32 steps, and a share of the slope where surfaces are seen edge on.
+const BEHIND_FRONTS: wgpu::DepthBiasState = wgpu::DepthBiasState { constant: -64, slope_scale: -0.05, clamp: 0.0 };
+
+/// Of surfaces, objects and sky. `layouts`: lights, frame, material, light of objects.
+fn pipelines(device: &wgpu::Device, layouts: [&wgpu::BindGroupLayout; 4]) -> [wgpu::RenderPipeline; 4] {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("viewer.scene"),
         source: wgpu::ShaderSource::Wgsl(source().into()),
     });
-    let pipeline = |name: &str, n_groups: usize, buffers: &[_], is_sky: bool| {
+    let pipeline = |name: &str, groups: &[&wgpu::BindGroupLayout], buffers: &[_], cull_mode: Option<wgpu::Face>| {
+        let is_sky = name == "sky";
+        let is_back = cull_mode == Some(wgpu::Face::Front);
         let label = format!("viewer.{name}");
-        let groups: Vec<_> = layouts[..n_groups].iter().map(|layout| Some(*layout)).collect();
+        let groups: Vec<_> = groups.iter().map(|layout| Some(*layout)).collect();
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(&label),
             bind_group_layouts: &groups,
@@ -468,7 +448,7 @@ fn pipelines(device: &wgpu::Device, layouts: [&wgpu::BindGroupLayout; 3]) -> [wg
                 compilation_options: Default::default(),
                 targets: &[Some(COLOR.into())],
             }),
-            primitive: Default::default(),
+            primitive: wgpu::PrimitiveState { cull_mode, ..Default::default() },
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: DEPTH,
                 depth_write_enabled: Some(!is_sky),
@@ -479,7 +459,7 @@ fn pipelines(device: &wgpu::Device, layouts: [&wgpu::BindGroupLayout; 3]) -> [wg
                     wgpu::CompareFunction::Greater
                 }),
                 stencil: Default::default(),
-                bias: Default::default(),
+                bias: if is_back { BEHIND_FRONTS } else { wgpu::DepthBiasState::default() },
             }),
             multisample: wgpu::MultisampleState { count: SAMPLES, ..Default::default() },
             multiview_mask: None,
@@ -489,11 +469,17 @@ fn pipelines(device: &wgpu::Device, layouts: [&wgpu::BindGroupLayout; 3]) -> [wg
     let vertex = |attributes, array_stride| {
         Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
     };
+    let [lights, frame, material, object_light] = layouts;
     let object_attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
+    let surface = |culled| {
+        let vertices = [vertex(&geometry::ATTRIBUTES, geometry::STRIDE)];
+        pipeline("surface", &[lights, frame, material], &vertices, Some(culled))
+    };
     [
-        pipeline("surface", 3, &[vertex(&geometry::ATTRIBUTES, geometry::STRIDE)], false),
-        pipeline("object", 2, &[vertex(&object_attributes, 24)], false),
-        pipeline("sky", 2, &[], true),
+        surface(wgpu::Face::Back),
+        surface(wgpu::Face::Front),
+        pipeline("object", &[lights, frame, object_light], &[vertex(&object_attributes, 24)], None),
+        pipeline("sky", &[lights, frame], &[], None),
     ]
 }
 

@@ -1,6 +1,6 @@
-// Surfaces, objects and sky as a camera sees them: emission, direct light with shadow maps, indirect light from the
+// Surfaces and sky as a camera sees them: emission, direct light with shadow maps, indirect light from the
 // relighter's maps.
-// Draw: surfaces and objects indexed, the sky by three vertices. Follows shadow_view.wgsl, direct_light.wgsl (which take
+// Draw: surfaces indexed, the sky by three vertices. Objects are in objects.wgsl. Follows shadow_view.wgsl, direct_light.wgsl (which take
 // group 0) and host.wgsl.
 
 struct Frame {
@@ -21,6 +21,8 @@ struct Frame {
     roughness: f32,
     horizon: vec3f,
     ground: vec3f,
+    // VIEW_.
+    view: u32,
 }
 
 const FLAG_NORMAL_MAPS = 1u;
@@ -29,6 +31,16 @@ const FLAG_SPECULAR = 2u;
 const FLAG_RADIANCE = 4u;
 const FLAG_CULL = 8u;
 const SKY_EQUIRECT = 1u;
+
+const VIEW_LIGHTING = 1u;
+const VIEW_DIRECT = 2u;
+const VIEW_INDIRECT = 3u;
+const VIEW_MAP = 4u;
+// Of surfaces that show light alone.
+const GREY_ALBEDO = 0.5;
+// Bytes 40 and 128 of sRGB: what is no part of a map, and surfaces where the map has nothing.
+const BACKDROP = vec3f(0.021219);
+const NO_TEXEL = vec3f(0.215861);
 
 struct Material {
     base_color: vec4f,
@@ -45,20 +57,13 @@ struct Material {
     is_double_sided: u32,
 }
 
-struct Object {
-    to_world: mat4x4f,
-    albedo: vec4f,
-    emission: vec4f,
-    light: array<vec4f, 4>,
-}
-
 @group(1) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(1) var irradiance_map: texture_2d<f32>;
 @group(1) @binding(2) var radiance_map: texture_2d_array<f32>;
 @group(1) @binding(3) var map_sampler: sampler;
 @group(1) @binding(4) var<storage, read> materials: array<Material>;
-@group(1) @binding(5) var<storage, read> objects: array<Object>;
 @group(1) @binding(6) var sky_map: texture_2d<f32>;
+@group(1) @binding(7) var receiver_map: texture_2d<f32>;
 
 @group(2) @binding(0) var base_map: texture_2d<f32>;
 @group(2) @binding(1) var base_sampler: sampler;
@@ -118,6 +123,7 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
         if ((frame.flags & FLAG_CULL) != 0u) { discard; }
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
+    if (frame.view == VIEW_MAP) { return vec4f(receiver_color(in.lightmap_uv), 1.0); }
     let dir_to_eye = normalize(frame.eye - in.position);
     // Rows go down: dy x dx looks at the eye.
     var geometric_normal = normalize(cross(dy, dx));
@@ -137,7 +143,7 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
     let roughness = select(material.roughness, frame.roughness, frame.roughness >= 0.0);
 
     let direct = direct_light(in.position, normal, geometric_normal, dir_to_eye, roughness);
-    var irradiance = direct.irradiance;
+    var indirect = vec3f(0.0);
     var mirrored = direct.mirrored;
     if ((frame.flags & FLAG_RADIANCE) != 0u && (frame.flags & (FLAG_NORMAL_MAPS | FLAG_SPECULAR)) != 0u) {
         let radiance = localprt_sample_radiance(radiance_map, map_sampler, in.lightmap_uv);
@@ -145,14 +151,33 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
             mirrored += localprt_indirect_specular(radiance, normal, dir_to_eye, vec3f(frame.f0), roughness);
         }
         if (is_mapped) {
-            irradiance += localprt_irradiance(radiance, normal);
+            indirect = localprt_irradiance(radiance, normal);
         } else {
-            irradiance += localprt_sample_irradiance(irradiance_map, map_sampler, in.lightmap_uv);
+            indirect = localprt_sample_irradiance(irradiance_map, map_sampler, in.lightmap_uv);
         }
     } else {
-        irradiance += localprt_sample_irradiance(irradiance_map, map_sampler, in.lightmap_uv);
+        indirect = localprt_sample_irradiance(irradiance_map, map_sampler, in.lightmap_uv);
     }
-    return vec4f(min(emission + albedo / LOCALPRT_PI * irradiance + mirrored, vec3f(LARGEST)), 1.0);
+    return vec4f(min(viewed(emission, albedo, direct.irradiance, indirect, mirrored), vec3f(LARGEST)), 1.0);
+}
+
+// Radiance as the view has it: all of it, or parts on grey surfaces.
+fn viewed(emission: vec3f, albedo: vec3f, direct: vec3f, indirect: vec3f, mirrored: vec3f) -> vec3f {
+    let grey = GREY_ALBEDO / LOCALPRT_PI;
+    switch frame.view {
+        case VIEW_LIGHTING: { return emission + grey * (direct + indirect); }
+        case VIEW_DIRECT: { return grey * direct; }
+        case VIEW_INDIRECT: { return grey * indirect; }
+        case VIEW_MAP: { return BACKDROP; }
+        default: { return emission + albedo / LOCALPRT_PI * (direct + indirect) + mirrored; }
+    }
+}
+
+// The map's color in the texel of a lightmap coordinate, which is negative for meshes without.
+fn receiver_color(uv: vec2f) -> vec3f {
+    let size = vec2i(textureDimensions(receiver_map));
+    let texel = textureLoad(receiver_map, clamp(vec2i(floor(uv * vec2f(size))), vec2i(0), size - 1), 0);
+    return select(NO_TEXEL, texel.rgb, texel.a > 0.0 && uv.x > -0.5);
 }
 
 // Tangent, bitangent and normal; from the change of the coordinates over the picture where the scene has no tangents.
@@ -211,42 +236,6 @@ fn direct_light(
     return sum;
 }
 
-struct ObjectVertex {
-    @builtin(position) clip: vec4f,
-    @location(0) position: vec3f,
-    @location(1) normal: vec3f,
-    @location(2) @interpolate(flat) object: u32,
-}
-
-@vertex
-fn object_vertex(
-    @location(0) position: vec3f,
-    @location(1) normal: vec3f,
-    @builtin(instance_index) index: u32,
-) -> ObjectVertex {
-    let to_world = objects[index].to_world;
-    let world = to_world * vec4f(position, 1.0);
-    // The inverse transpose, times the determinant.
-    let cofactors = mat3x3f(
-        cross(to_world[1].xyz, to_world[2].xyz),
-        cross(to_world[2].xyz, to_world[0].xyz),
-        cross(to_world[0].xyz, to_world[1].xyz),
-    );
-    return ObjectVertex(frame.world_to_clip * world, world.xyz, cofactors * normal, index);
-}
-
-@fragment
-fn object_fragment(in: ObjectVertex) -> @location(0) vec4f {
-    let object = objects[in.object];
-    let normal = normalize(in.normal);
-    let radiance =
-        LocalprtRadiance(object.light[0].rgb, object.light[1].rgb, object.light[2].rgb, object.light[3].rgb);
-    let direct = direct_light(in.position, normal, normal, normalize(frame.eye - in.position), 1.0);
-    let irradiance = direct.irradiance + localprt_irradiance(radiance, normal);
-    let color = object.emission.rgb + object.albedo.rgb / LOCALPRT_PI * irradiance;
-    return vec4f(min(color, vec3f(LARGEST)), 1.0);
-}
-
 struct SkyVertex {
     @builtin(position) clip: vec4f,
     @location(0) dir: vec3f,
@@ -261,7 +250,8 @@ fn sky_vertex(@builtin(vertex_index) index: u32) -> SkyVertex {
 
 @fragment
 fn sky_fragment(in: SkyVertex) -> @location(0) vec4f {
-    return vec4f(min(sky_radiance(normalize(in.dir)), vec3f(LARGEST)), 1.0);
+    let none = vec3f(0.0);
+    return vec4f(min(viewed(sky_radiance(normalize(in.dir)), none, none, none, none), vec3f(LARGEST)), 1.0);
 }
 
 // Twin: Sky::radiance() of localprt-scenes.

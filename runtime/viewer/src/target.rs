@@ -1,15 +1,21 @@
 //! What is drawn into: radiance with depth and four samples per pixel, resolved, then tone-mapped to 8-bit sRGB.
 
+use crate::tone::ToneMap;
 use glam::Vec3;
 use half::f16;
-use localprt_runtime::{RelightError, gpu::readback};
+use localprt_runtime::{
+    RelightError,
+    gpu::readback::{self, Readback},
+};
 
-/// Exposed value that the tone curve maps to white.
+/// Exposed value that [`ToneMap::Reinhard`] maps to white.
 pub const WHITE: f32 = 4.0;
 
 pub(crate) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 const SRGB: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+/// The same bytes, undecoded.
+const BYTES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 pub(crate) const SAMPLES: u32 = 4;
 
 /// Textures of one picture size.
@@ -29,7 +35,7 @@ impl OffscreenTarget {
     /// `width` and `height` in pixels, at least 1.
     pub fn new(device: &wgpu::Device, width: u32, height: u32) -> Self {
         use wgpu::TextureUsages as Usage;
-        let texture = |label, format, sample_count, usage| {
+        let texture = |label, format, sample_count, usage, view_formats: &[wgpu::TextureFormat]| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
@@ -38,13 +44,13 @@ impl OffscreenTarget {
                 dimension: wgpu::TextureDimension::D2,
                 format,
                 usage: Usage::RENDER_ATTACHMENT | usage,
-                view_formats: &[],
+                view_formats,
             })
         };
-        let samples = texture("viewer.samples", COLOR, SAMPLES, Usage::empty());
-        let depth = texture("viewer.depth", DEPTH, SAMPLES, Usage::empty());
-        let radiance = texture("viewer.radiance", COLOR, 1, Usage::TEXTURE_BINDING | Usage::COPY_SRC);
-        let srgb = texture("viewer.srgb", SRGB, 1, Usage::COPY_SRC);
+        let samples = texture("viewer.samples", COLOR, SAMPLES, Usage::empty(), &[]);
+        let depth = texture("viewer.depth", DEPTH, SAMPLES, Usage::empty(), &[]);
+        let radiance = texture("viewer.radiance", COLOR, 1, Usage::TEXTURE_BINDING | Usage::COPY_SRC, &[]);
+        let srgb = texture("viewer.srgb", SRGB, 1, Usage::TEXTURE_BINDING | Usage::COPY_SRC, &[BYTES]);
         let radiance_view = radiance.create_view(&Default::default());
         let pipeline = pipeline(device);
         let params = device.create_buffer(&wgpu::BufferDescriptor {
@@ -79,9 +85,30 @@ impl OffscreenTarget {
         self.radiance.width() as f32 / self.radiance.height() as f32
     }
 
-    /// Encodes the picture from the radiance: radiance times `scale` (2^EV) through Reinhard's curve with [`WHITE`].
-    pub fn tone_map(&self, queue: &wgpu::Queue, encoder: &mut wgpu::CommandEncoder, scale: f32) {
-        queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&[scale, WHITE, 0.0, 0.0]));
+    /// Width and height, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.radiance.width(), self.radiance.height())
+    }
+
+    /// Linear radiance, Rgba16Float: can be sampled and copied from.
+    pub fn radiance_texture(&self) -> &wgpu::Texture {
+        &self.radiance
+    }
+
+    /// The picture's sRGB bytes as they are, Rgba8Unorm: for a user interface that composes encoded colors.
+    pub fn srgb_bytes_view(&self) -> wgpu::TextureView {
+        self.srgb.create_view(&wgpu::TextureViewDescriptor {
+            label: Some("viewer.srgb_bytes"),
+            format: Some(BYTES),
+            usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
+            ..Default::default()
+        })
+    }
+
+    /// Encodes the picture from the radiance: radiance times `scale` (2^EV) through a tone curve.
+    pub fn tone_map(&self, queue: &wgpu::Queue, encoder: &mut wgpu::CommandEncoder, scale: f32, tone: ToneMap) {
+        let params = [scale.to_bits(), WHITE.to_bits(), tone.code(), 0];
+        queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&params));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("viewer.tone_map"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -115,6 +142,11 @@ impl OffscreenTarget {
     pub fn read_srgb(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Vec<u8>, RelightError> {
         let bytes = readback::texture(device, queue, &self.srgb, 0)?;
         Ok(bytes.chunks_exact(4).flat_map(|rgba| &rgba[..3]).copied().collect())
+    }
+
+    /// The same when it has arrived, four bytes a pixel.
+    pub fn request_srgb(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Readback {
+        readback::request_texture(device, queue, &self.srgb, 0)
     }
 }
 

@@ -98,6 +98,7 @@ fn sampler(device: &wgpu::Device, scene: &Scene, reference: Option<TextureRef>) 
         Wrap::ClampToEdge => wgpu::AddressMode::ClampToEdge,
     };
     let nearest = texture.is_some_and(|texture| texture.nearest);
+    let is_software = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
     device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some("viewer.material"),
         address_mode_u: address(texture.map(|texture| texture.wrap_u)),
@@ -105,8 +106,9 @@ fn sampler(device: &wgpu::Device, scene: &Scene, reference: Option<TextureRef>) 
         mag_filter: if nearest { wgpu::FilterMode::Nearest } else { wgpu::FilterMode::Linear },
         min_filter: wgpu::FilterMode::Linear,
         mipmap_filter: wgpu::MipmapFilterMode::Linear,
-        // Only where all filters are linear.
-        anisotropy_clamp: if nearest { 1 } else { 4 },
+        // Only where all filters are linear. llvmpipe visits every texel in the box around a footprint, however large:
+        // at some sizes of picture a few pixels take minutes.
+        anisotropy_clamp: if nearest || is_software { 1 } else { 4 },
         ..Default::default()
     })
 }

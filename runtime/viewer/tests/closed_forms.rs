@@ -1,12 +1,19 @@
 //! Pictures whose pixels are known: a floor under a directional light and nothing that light bounces off.
 
+mod dark_file;
+
+use dark_file::{dark_file, device};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4, camera::rh::view::look_at_mat4};
 use half::f16;
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, directions::spherical_fibonacci};
+use localprt_formats::sh::{Basis, function_count};
+use localprt_formats::weight::weight_kernel;
+use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, Metadata, Probe, VolumeArrays, VolumeGrid};
 use localprt_precompute::picture::tone_curve;
-use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters, gpu::headless};
+use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters};
 use localprt_scenes::{Image, Light, LightKind, Material, Mesh, Scene, Sky, Texture, TextureRef, Wrap};
-use localprt_viewer::{DrawOptions, MovingObject, ObjectShape, OffscreenTarget, SceneDraw, View, moving_casters};
+use localprt_viewer::{
+    DrawOptions, MovingObject, ObjectShape, OffscreenTarget, SceneDraw, ToneMap, View, moving_casters,
+};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 const SIZE: u32 = 64;
@@ -15,40 +22,6 @@ const LUX: f32 = 5.0;
 const BUMP: [u8; 3] = [190, 175, 230];
 /// f16 keeps 2^-11; lights and normals add f32 roundings.
 const TOLERANCE: f32 = 1e-3;
-
-/// A device, or `None` with a line that says so; a failure if `REQUIRE_GPU` is set.
-fn device(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
-    match pollster::block_on(headless()) {
-        Ok(found) => Some(found),
-        Err(error) if std::env::var_os("REQUIRE_GPU").is_some() => panic!("{test}: {error}"),
-        Err(error) => {
-            eprintln!("SKIPPED {test}: {error}");
-            None
-        }
-    }
-}
-
-/// A file whose transport is zero.
-fn dark_file() -> BakedArrays {
-    let n_rays = 64;
-    BakedArrays {
-        metadata: Metadata { lightmap_size: 1, direct_size: 1, n_rays, ..Metadata::default() },
-        probes: vec![Probe { position: [0.0; 3], support_radius_m: 1.0 }],
-        ray_dirs: (0..n_rays).map(|i| spherical_fibonacci(i, n_rays)).map(|[x, y, z]| [x, y, z, 0.0]).collect(),
-        ray_sh: vec![0.0; 64],
-        ray_uv: vec![0x8000_8000; 64],
-        ray_level: vec![0; 64],
-        receiver_texel: vec![0],
-        receiver_position: vec![[0.0; 3]],
-        receiver_normal: vec![[0.0, 1.0, 0.0]],
-        receiver_unseen: vec![0.0],
-        clusters: vec![ClusterRecord { n_receivers: 1, n_probes: 1, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0],
-        projection: vec![f16::ZERO; 2],
-        reconstruction: vec![f16::ZERO; 2],
-        ..BakedArrays::default()
-    }
-}
 
 /// A floor from -1 to 1 with u along x and v along z, so that the normal map's right is +X and its up is -Z.
 fn floor(with_tangents: bool) -> Scene {
@@ -116,7 +89,18 @@ fn pictures(
     normal_maps: bool,
     objects: &[MovingObject],
 ) -> Pictures {
-    let baked = dark_file();
+    pictures_of(&dark_file(), Vec3::ZERO, (device, queue), scene, normal_maps, objects)
+}
+
+/// The same with another file, whose relight rays find surface that emits so much.
+fn pictures_of(
+    baked: &BakedArrays,
+    emission: Vec3,
+    (device, queue): (&wgpu::Device, &wgpu::Queue),
+    scene: &Scene,
+    normal_maps: bool,
+    objects: &[MovingObject],
+) -> Pictures {
     let mut gi = Relighter::new(device, queue, baked.view(), RelighterOptions::default()).expect("a relighter");
     let texels = SceneTexels {
         size: 1,
@@ -125,7 +109,7 @@ fn pictures(
         normal: vec![Vec3::Y],
         geometric_normal: vec![Vec3::Y],
         albedo: vec![Vec3::ZERO],
-        emission: vec![Vec3::ZERO],
+        emission: vec![emission],
         material: vec![0],
     };
     gi.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene");
@@ -140,8 +124,8 @@ fn pictures(
     let view = View { to_world, fov_y: FRAC_PI_2, near_m: 0.01 };
     let mut encoder = device.create_command_encoder(&Default::default());
     gi.encode(&mut encoder, &DirectLight::Lights).expect("light");
-    draw.encode(queue, &mut encoder, &gi, &view, &target).expect("a picture");
-    target.tone_map(queue, &mut encoder, 0.5);
+    draw.encode(queue, &mut encoder, &gi, &view, &target, None, None).expect("a picture");
+    target.tone_map(queue, &mut encoder, 0.5, ToneMap::Reinhard);
     queue.submit([encoder.finish()]);
     Pictures {
         radiance: target.read_radiance(device, queue).expect("radiance"),
@@ -196,22 +180,116 @@ fn the_sky_is_seen_beside_the_floor_and_tone_mapped() {
     }
 }
 
-#[test]
-fn objects_are_lit_by_their_own_light_and_cast_shadows() {
-    let Some(gpu) = device("objects_are_lit_by_their_own_light_and_cast_shadows") else { return };
-    let ambient = Vec3::new(2.0, 1.0, 0.5);
-    let object = MovingObject {
+/// A box whose top is 0.8 m below the eye, where floor coordinates are 2 / 0.8 times as large.
+fn object() -> MovingObject {
+    MovingObject {
         shape: ObjectShape::Box,
         to_world: Mat4::from_translation(Vec3::new(-0.25, 1.0, 0.25)) * Mat4::from_scale(Vec3::splat(0.2)),
         albedo: Vec3::splat(0.5),
         emission: Vec3::new(0.0, 0.0, 0.25),
-        light: [ambient * (4.0 * PI).sqrt(), Vec3::ZERO, Vec3::ZERO, Vec3::ZERO],
-    };
-    let pictures = pictures(&gpu, &floor(true), false, &[object]);
-    // The top is 0.8 m below the eye, where floor coordinates are 2 / 0.8 times as large.
-    let direct = Vec3::splat(0.5 / PI * LUX * dir_to_sun().y);
-    close(pictures.radiance[pixel(-0.625, 0.625)], Vec3::new(0.0, 0.0, 0.25) + 0.5 * ambient + direct);
+    }
+}
+
+/// The box's top in light of this irradiance and in the sun.
+fn lit_top(irradiance: Vec3) -> Vec3 {
+    Vec3::new(0.0, 0.0, 0.25) + 0.5 / PI * (irradiance + LUX * dir_to_sun().y)
+}
+
+const TOP: [f32; 2] = [-0.625, 0.625];
+
+#[test]
+fn objects_cast_shadows() {
+    let Some(gpu) = device("objects_cast_shadows") else { return };
+    let pictures = pictures(&gpu, &floor(true), false, &[object()]);
+    close(pictures.radiance[pixel(TOP[0], TOP[1])], lit_top(Vec3::ZERO));
     // The shadow's middle is 1 m below the box, 0.3 and 0.2 m away from the sun.
     close(pictures.radiance[pixel(-0.55, -0.05)], Vec3::new(0.0, 0.125, 0.0));
     close(pictures.radiance[pixel(0.5, -0.5)], lit(Vec3::Y));
+}
+
+/// Probes of this degree with a ray along each half axis, so that SH up to degree 1 are summed exactly: the first sees light
+/// along `lit` of them (+X, -X, +Y, ...), the second none.
+fn lit_file(probe_degree: u32, lit: impl Fn(usize) -> bool) -> BakedArrays {
+    let dirs = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    let n_sh = function_count(probe_degree);
+    let sh = |dir: Vec3| {
+        let mut values = vec![0.0; n_sh];
+        Basis::new(probe_degree).evaluate(dir.to_array(), &mut values);
+        values.into_iter().map(|value| value * 4.0 * PI / 6.0)
+    };
+    BakedArrays {
+        metadata: Metadata { n_rays: 6, probe_degree, ..dark_file().metadata },
+        probes: vec![
+            Probe { position: [-0.25, 1.0, 1.25], support_radius_m: 4.0 },
+            Probe { position: [-0.25, 3.0, 0.25], support_radius_m: 4.0 },
+        ],
+        ray_dirs: dirs.iter().map(|dir| dir.extend(0.0).to_array()).collect(),
+        ray_sh: dirs.into_iter().flat_map(sh).collect(),
+        ray_uv: vec![0x8000_8000; 12],
+        ray_level: (0..12).map(|ray| if ray < 6 && lit(ray) { 0 } else { LEVEL_BLACK }).collect(),
+        projection: vec![f16::ZERO; n_sh.next_multiple_of(2)],
+        ..dark_file()
+    }
+}
+
+const EMISSION: Vec3 = Vec3::new(2.0, 1.0, 0.5);
+
+#[test]
+fn objects_are_lit_by_the_probes_around_them() {
+    let Some((device, queue)) = device("objects_are_lit_by_the_probes_around_them") else { return };
+    let top = |file: &BakedArrays| {
+        let pictures = pictures_of(file, EMISSION, (&device, &queue), &floor(true), false, &[object()]);
+        pictures.radiance[pixel(TOP[0], TOP[1])]
+    };
+    for degree in 0..=2 {
+        let mut file = lit_file(degree, |_| true);
+        // The object's center is 1 m from the first probe and 2 m from the second.
+        let weights = [0.25, 0.5].map(weight_kernel);
+        close(top(&file), lit_top(PI * EMISSION * weights[0] / (weights[0] + weights[1])));
+        // Out of the second one's support the first is all there is: constant radiance L gives pi L.
+        file.probes[1].support_radius_m = 1.9;
+        close(top(&file), lit_top(PI * EMISSION));
+        // Out of both there is none.
+        file.probes[0].support_radius_m = 0.9;
+        close(top(&file), lit_top(Vec3::ZERO));
+    }
+    // Light from above alone, of a sixth of all directions: degree 0 keeps a quarter of it in the irradiance; from degree 1
+    // on, the curve about the light's direction is exact head on.
+    for (degree, share) in [(0, 0.25), (1, 1.0)] {
+        let mut file = lit_file(degree, |ray| ray == 2);
+        file.probes[1].support_radius_m = 1.0;
+        close(top(&file), lit_top(4.0 * PI / 6.0 * share * EMISSION));
+    }
+}
+
+#[test]
+fn objects_are_lit_by_the_volume_where_there_is_one() {
+    let Some((device, queue)) = device("objects_are_lit_by_the_volume_where_there_is_one") else { return };
+    let mut file = lit_file(0, |_| true);
+    // The first probe's radiance in the lower cells and twice that in the upper ones, 2 m above them.
+    let mut reconstruction = vec![f16::ZERO; 8 * 4];
+    for (cell, row) in reconstruction.chunks_exact_mut(4).enumerate() {
+        row[0] = f16::from_f32(if cell & 2 == 0 { 1.0 } else { 2.0 });
+    }
+    file.volume = Some(VolumeArrays {
+        grid: VolumeGrid { origin: [-1.0, 0.0, -1.0], spacing_m: 2.0, dims: [2, 2, 2], degree: 1 },
+        cells: (0..8).collect(),
+        clusters: vec![ClusterRecord { n_receivers: 8, n_probes: 1, n_coefficients: 1, ..Default::default() }],
+        cluster_probes: vec![0],
+        projection: vec![f16::ONE, f16::ZERO],
+        reconstruction,
+        fill: Vec::new(),
+    });
+    let top = |file: &BakedArrays| {
+        let pictures = pictures_of(file, EMISSION, (&device, &queue), &floor(true), false, &[object()]);
+        pictures.radiance[pixel(TOP[0], TOP[1])]
+    };
+    // The top is at 1.2 m. Texture coordinates have 8 bits between texels in some hardware.
+    let found = (top(&file) - lit_top(Vec3::ZERO)) / EMISSION / 0.5;
+    assert!((found - 1.6).abs().max_element() < 1.0 / 256.0 + 2e-3, "{found}");
+    // Above the grid its border goes on: constant radiance L gives pi L.
+    for grid in file.volume.iter_mut().map(|volume| &mut volume.grid) {
+        grid.origin[1] = 5.0;
+    }
+    close(top(&file), lit_top(PI * EMISSION));
 }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::object_light::ObjectLightRecord;
 use std::mem::offset_of;
 
 fn assert_same_layout(name: &str, size: usize, members: &[(&str, usize)]) {
@@ -33,6 +34,7 @@ fn records_lie_as_the_shader_has_them() {
         ("roughness", offset_of!(FrameRecord, roughness)),
         ("horizon", offset_of!(FrameRecord, horizon)),
         ("ground", offset_of!(FrameRecord, ground)),
+        ("view", offset_of!(FrameRecord, view)),
     ];
     assert_same_layout("Frame", size_of::<FrameRecord>(), &frame);
     let material = [
@@ -47,6 +49,14 @@ fn records_lie_as_the_shader_has_them() {
         ("is_double_sided", offset_of!(MaterialRecord, is_double_sided)),
     ];
     assert_same_layout("Material", size_of::<MaterialRecord>(), &material);
-    let object = [("to_world", 0), ("albedo", 64), ("emission", 80), ("light", 96)];
+    let object = [("to_world", 0), ("albedo", 64), ("emission", 80)];
     assert_same_layout("Object", size_of::<ObjectRecord>(), &object);
+    let object_light = [
+        ("origin", offset_of!(ObjectLightRecord, origin)),
+        ("spacing_m", offset_of!(ObjectLightRecord, spacing_m)),
+        ("size", offset_of!(ObjectLightRecord, size)),
+        ("n_probes", offset_of!(ObjectLightRecord, n_probes)),
+        ("n_sh", offset_of!(ObjectLightRecord, n_sh)),
+    ];
+    assert_same_layout("ObjectLight", size_of::<ObjectLightRecord>(), &object_light);
 }

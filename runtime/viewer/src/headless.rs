@@ -1,0 +1,120 @@
+//! Pictures without a window.
+
+use crate::camera_path::camera_path;
+use crate::cli::Cli;
+use crate::frame::{Renderer, too_small};
+use crate::gpu::Gpu;
+use crate::receiver_maps::Legend;
+use crate::scene_overlays::overlay_lines;
+use crate::session::Session;
+use crate::stage::Stage;
+use crate::state::ViewState;
+use localprt_precompute::error::CommandError;
+use localprt_precompute::output::{OutputError, check_writable, write_png};
+use localprt_precompute::picture::PictureSize;
+use std::path::Path;
+use web_time::Instant;
+
+/// Frames before a screenshot unless given: as many gathers as `precompute relight` makes.
+const FRAMES: u32 = 8;
+/// Frames of a recording unless given.
+const RECORDED_FRAMES: u32 = 120;
+/// Of a recording.
+const FRAMES_PER_SECOND: f32 = 30.0;
+
+/// Pictures of a session.
+pub struct Headless<'a> {
+    /// What is shown.
+    pub session: &'a Session<'a>,
+    /// How.
+    pub state: ViewState,
+    /// Pixels.
+    pub size: (u32, u32),
+}
+
+impl Headless<'_> {
+    /// What the command line asks for, without a window.
+    ///
+    /// # Errors
+    /// No adapter, a device that is too small, a file that cannot be written.
+    pub fn run(&mut self, cli: &Cli, started: Instant) -> Result<(), CommandError> {
+        if let Some(path) = &cli.screenshot {
+            check_writable(path)?;
+        }
+        let gpu = Gpu::headless()?;
+        let mut renderer = self.renderer(&gpu)?;
+        eprintln!("{}", self.session.summary(&gpu.name(), started.elapsed()));
+        match (&cli.screenshot, &cli.record) {
+            (_, Some(folder)) => self.record(&gpu, &mut renderer, folder, cli.frames.unwrap_or(RECORDED_FRAMES)),
+            (Some(path), None) => self.screenshot(&gpu, &mut renderer, path, cli.frames.unwrap_or(FRAMES)),
+            (None, None) => Ok(()),
+        }
+    }
+
+    fn screenshot(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        path: &Path,
+        n_frames: u32,
+    ) -> Result<(), CommandError> {
+        for frame in 0..n_frames {
+            self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
+        }
+        self.describe(renderer);
+        let pixels = renderer.read_picture(gpu, self.session, &self.state)?;
+        write_png(path, self.size.0, self.size.1, &pixels)?;
+        Ok(())
+    }
+
+    fn record(&mut self, gpu: &Gpu, renderer: &mut Renderer, folder: &Path, n_frames: u32) -> Result<(), CommandError> {
+        std::fs::create_dir_all(folder).map_err(|error| OutputError::write(folder, error))?;
+        check_writable(&folder.join("frame_00000.png"))?;
+        let start = self.state.viewpoint;
+        for frame in 0..n_frames {
+            self.state.viewpoint = camera_path(self.session, &start, frame as f32 / n_frames as f32);
+            // Light has arrived, and the exposure of the first picture is that of all.
+            let n_gathers = if frame == 0 { FRAMES } else { 1 };
+            for _ in 0..n_gathers {
+                self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
+            }
+            let pixels = renderer.read_picture(gpu, self.session, &self.state)?;
+            if frame == 0 {
+                self.state.look.exposure = Some(renderer.ev(&self.state.look));
+            }
+            write_png(&folder.join(format!("frame_{frame:05}.png")), self.size.0, self.size.1, &pixels)?;
+        }
+        eprintln!("wrote {n_frames} frames into {}", folder.display());
+        Ok(())
+    }
+
+    fn renderer(&self, gpu: &Gpu) -> Result<Renderer, CommandError> {
+        let stage = Stage::new(&self.state, self.session.bounds, 0.0);
+        Renderer::new(gpu, self.session, &stage.lights, self.size)
+    }
+
+    fn frame(&self, gpu: &Gpu, renderer: &mut Renderer, seconds: f32) -> Result<(), CommandError> {
+        let stage = Stage::new(&self.state, self.session.bounds, seconds);
+        let lines = overlay_lines(self.session, &self.state, &stage);
+        renderer.render(gpu, self.session, &self.state, &stage, &lines)?;
+        match gpu.take_error() {
+            Some(error) => Err(too_small(&error)),
+            None => Ok(()),
+        }
+    }
+
+    /// What the colors of a map view mean.
+    fn describe(&self, renderer: &Renderer) {
+        if let Some(legend) = renderer.legend() {
+            let Legend { title, low, high, unit, note, .. } = legend;
+            let range = if legend.colors.is_empty() { String::new() } else { format!(", {low} to {high} {unit}") };
+            eprintln!("{title}{range}; {note}");
+        }
+    }
+}
+
+/// Pixels of a picture of this session unless given.
+pub fn picture_size(session: &Session<'_>, camera: usize) -> (u32, u32) {
+    let size = PictureSize::of_camera(&session.cameras[camera.min(session.cameras.len() - 1)]);
+    (size.width, size.height)
+}

@@ -1,0 +1,77 @@
+//! Probes and receivers: where the light of a place comes from.
+
+use super::slider;
+use crate::app::App;
+use crate::overlay_shapes::supporting_probes;
+use crate::session::Session;
+
+pub fn why(ui: &mut egui::Ui, app: &mut App<'_>) {
+    let overlays = &mut app.state.overlays;
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut overlays.probes, "probes").on_hover_text("balls that show their radiance: P");
+        ui.add(slider(&mut overlays.probe_size, 0.01..=0.3).logarithmic(true).text("size"));
+    });
+    if let Some(index) = overlays.probe {
+        probe(ui, app.session, index);
+        ui.checkbox(&mut app.state.overlays.rays, "its relight rays").on_hover_text("Y");
+    }
+    match app.state.overlays.receiver {
+        Some(index) => receiver(ui, app, index),
+        None => {
+            ui.label("Click on a surface to see which probes light it.");
+        }
+    }
+}
+
+fn probe(ui: &mut egui::Ui, session: &Session<'_>, index: u32) {
+    let Some(probe) = session.baked.probes.get(index as usize) else { return };
+    let n_clusters = session.baked.cluster_probes.iter().filter(|&&probe| probe == index).count();
+    let [x, y, z] = probe.position;
+    ui.label(format!(
+        "probe {index}: {x:.2}, {y:.2}, {z:.2}; support radius {:.2} m; in {n_clusters} clusters",
+        probe.support_radius_m
+    ));
+}
+
+fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
+    let baked = &app.session.baked;
+    let cluster = cluster_of(app.session, index);
+    let unseen = baked.receiver_unseen.get(index as usize).copied().unwrap_or(0.0);
+    ui.label(format!("receiver {index}: unseen {:.1} %", 100.0 * unseen));
+    if let Some((number, coefficients, receivers)) = cluster {
+        ui.label(format!("cluster {number}: {coefficients} coefficients for {receivers} receivers"));
+    }
+    egui::Grid::new("supporting probes").num_columns(4).striped(true).show(ui, |ui| {
+        for title in ["probe", "distance", "weight", "share of row"] {
+            ui.strong(title);
+        }
+        ui.end_row();
+        let support = supporting_probes(baked, index);
+        for own in &support.probes {
+            let is_selected = app.state.overlays.probe == Some(own.probe);
+            if ui.selectable_label(is_selected, own.probe.to_string()).clicked() {
+                app.state.overlays.probe = Some(own.probe);
+            }
+            ui.label(format!("{:.2} m", own.distance_m));
+            ui.label(format!("{:.3}", own.kernel_weight));
+            ui.label(format!("{:.1} %", 100.0 * own.row_share));
+            ui.end_row();
+        }
+        if support.sky_share > 0.0 {
+            ui.label("sky");
+            ui.label("");
+            ui.label("");
+            ui.label(format!("{:.1} %", 100.0 * support.sky_share));
+            ui.end_row();
+        }
+    });
+}
+
+/// Number, coefficients and receivers of a receiver's cluster.
+fn cluster_of(session: &Session<'_>, receiver: u32) -> Option<(usize, u32, u32)> {
+    let clusters = session.baked.clusters;
+    // Receivers of a cluster follow each other.
+    let number = clusters.partition_point(|cluster| cluster.first_receiver <= receiver).checked_sub(1)?;
+    let cluster = &clusters[number];
+    Some((number, cluster.n_coefficients, cluster.n_receivers))
+}

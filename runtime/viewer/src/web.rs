@@ -1,0 +1,83 @@
+//! In a browser: files that the page has fetched, a WebGPU device, the same viewer.
+//!
+//! A page calls [`scene_path`] to learn which scene belongs to a baked file, fetches it, and opens the viewer on a canvas
+//! with [`run`]. [`picture`] is what `--headless` is elsewhere.
+
+use crate::app::App;
+use crate::daylight::{daylight, is_dark};
+use crate::frame::Renderer;
+use crate::gpu::Gpu;
+use crate::session::{Files, Session};
+use crate::stage::Stage;
+use crate::state::ViewState;
+use crate::window::{self, WindowOptions};
+use localprt_formats::Baked;
+use localprt_scenes::Lighting;
+use wasm_bindgen::prelude::*;
+use web_time::Instant;
+
+/// Panics are told on the console; without this they are `unreachable executed`.
+#[wasm_bindgen(start)]
+fn start() {
+    std::panic::set_hook(Box::new(|panic| web_sys::console::error_1(&panic.to_string().into())));
+}
+
+/// Where the scene of a baked file is, relative to the file.
+#[wasm_bindgen(js_name = scenePath)]
+pub fn scene_path(file: Vec<u8>) -> Result<String, JsError> {
+    Ok(Baked::from_bytes(file)?.view().metadata.scene_path.clone())
+}
+
+/// Opens the viewer on a canvas, and returns; it stays for as long as the page does.
+#[wasm_bindgen]
+pub fn run(
+    canvas: web_sys::HtmlCanvasElement,
+    name: String,
+    file: Vec<u8>,
+    scene_name: String,
+    scene: Vec<u8>,
+) -> Result<(), JsError> {
+    let started = Instant::now();
+    // As long as the page.
+    let files: &'static Files = Box::leak(Box::new(Files::from_memory(&name, file, &scene_name, &scene)?));
+    let session: &'static Session<'static> = Box::leak(Box::new(Session::new(files)?));
+    let mut lighting = Lighting::of_scene(&files.scene);
+    if is_dark(&files.scene, &lighting) {
+        lighting = daylight();
+    }
+    let app = App::new(session, ViewState::new(session, 0, &lighting), 0, lighting);
+    let options = WindowOptions {
+        size: (canvas.width(), canvas.height()),
+        screenshot: None,
+        screenshot_frames: 0,
+        lose_device: None,
+        started,
+        canvas: Some(canvas),
+    };
+    Ok(window::spawn(app, options)?)
+}
+
+/// A picture of a baked scene under its own lights after `frames` gathers: `width * height` times RGBA, sRGB, top row first.
+#[wasm_bindgen]
+pub async fn picture(
+    file: Vec<u8>,
+    scene_name: String,
+    scene: Vec<u8>,
+    width: u32,
+    height: u32,
+    frames: u32,
+    exposure: f32,
+) -> Result<Vec<u8>, JsError> {
+    let files = Files::from_memory("the baked file", file, &scene_name, &scene)?;
+    let session = Session::new(&files)?;
+    let mut state = ViewState::new(&session, 0, &Lighting::of_scene(&files.scene));
+    state.look.exposure = Some(exposure);
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let gpu = Gpu::new(instance, None).await?;
+    let stage = Stage::new(&state, session.bounds, 0.0);
+    let mut renderer = Renderer::new(&gpu, &session, &stage.lights, (width, height))?;
+    for _ in 0..frames.max(1) {
+        renderer.render(&gpu, &session, &state, &stage, &[])?;
+    }
+    Ok(renderer.target().request_srgb(&gpu.device, &gpu.queue).await?)
+}

@@ -1,0 +1,77 @@
+//! A small bake on disk, and the viewer run on it.
+
+use localprt_precompute::{pipeline::bake, progress::Progress, settings::BakeSettings};
+use localprt_scenes::{Scene, builtin, export_glb};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// The Cornell box in a folder of its own.
+pub struct SmallBake {
+    folder: tempfile::TempDir,
+    scene: Scene,
+}
+
+impl SmallBake {
+    /// Bakes it; `None`, with a line that says so, without an adapter.
+    pub fn new(test: &str) -> Option<Self> {
+        if let Err(error) = pollster::block_on(localprt_runtime::gpu::headless()) {
+            assert!(std::env::var_os("REQUIRE_GPU").is_none(), "{test}: {error}");
+            eprintln!("SKIPPED {test}: {error}");
+            return None;
+        }
+        let settings = BakeSettings {
+            probes: Some(12),
+            lightmap: 40,
+            fill: 1.0,
+            direct_map: 64,
+            gather_rays: 128,
+            relight_rays: 1000,
+            receiver_degree: 1,
+            ..BakeSettings::default()
+        };
+        let scene = builtin::scene("cornell").expect("a built-in scene");
+        let mut baked = bake(scene, &settings, &Progress::silent()).expect("bakes");
+        let folder = tempfile::tempdir().expect("folder");
+        export_glb(&baked.scene, folder.path().join("cornell.glb")).expect("written");
+        let scene = localprt_scenes::load(folder.path().join("cornell.glb")).expect("reads");
+        baked.arrays.metadata.scene_path = "cornell.glb".into();
+        baked.arrays.metadata.scene_hash = scene.hash;
+        localprt_formats::write(folder.path().join("cornell.lprt"), &baked.arrays).expect("written");
+        Some(Self { folder, scene })
+    }
+
+    /// Where everything lies.
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Name of the baked file in that folder.
+    pub fn file(&self) -> &'static str {
+        "cornell.lprt"
+    }
+
+    /// The scene as it was written.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+}
+
+/// The viewer, in this folder.
+pub fn viewer(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viewer"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+/// A picture without a window, three bytes a pixel.
+pub fn headless(baked: &SmallBake, name: &str, look: &[&str]) -> Vec<u8> {
+    let arguments = [&[baked.file(), "--headless", "--screenshot", name], look].concat();
+    let output = viewer(baked.folder(), &arguments).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    png(&baked.folder().join(name))
+}
+
+/// A picture's bytes, three a pixel.
+pub fn png(path: &Path) -> Vec<u8> {
+    image::open(path).expect("a picture").to_rgb8().into_raw()
+}
