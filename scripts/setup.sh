@@ -4,21 +4,25 @@
 #   scripts/setup.sh                     Rust, a linker and a C++ compiler
 #   scripts/setup.sh --require-xatlas    libclang as well, or exit code 1
 #   scripts/setup.sh --require-gpu       a driver for the GPU tests as well, or exit code 1
-# With --print-optional the last line on standard output is two words, "yes" or "no": whether the feature xatlas can be
-# built, and whether there is a driver for the GPU tests.
+#   scripts/setup.sh --require-window    a virtual display for the window tests as well, or exit code 1
+# With --print-optional the last line on standard output is three words, "yes" or "no": whether the feature xatlas can be
+# built, whether there is a driver for the GPU tests, and whether there is a display for the window tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 require_xatlas=false
 require_gpu=false
+require_window=false
 print_optional=false
 for argument in "$@"; do
     case $argument in
         --require-xatlas) require_xatlas=true ;;
         --require-gpu) require_gpu=true ;;
+        --require-window) require_window=true ;;
         --print-optional) print_optional=true ;;
         *)
-            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --print-optional)" >&2
+            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --require-window," \
+                "--print-optional)" >&2
             exit 2
             ;;
     esac
@@ -81,6 +85,13 @@ has_gpu_driver() {
         compgen -G "/etc/vulkan/icd.d/*.json" >/dev/null
 }
 
+# An X server without a screen, something that moves its mouse, and what windows load at run time.
+window_packages="xvfb xdotool libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2"
+has_virtual_display() {
+    has Xvfb && has xdotool &&
+        PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep 'libxkbcommon-x11\.so\.0' >/dev/null
+}
+
 # Needed by everything.
 if ! has cargo; then
     say "Rust is missing; install it with: curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh"
@@ -113,6 +124,18 @@ if ! has_gpu_driver && ! install libvulkan1 mesa-vulkan-drivers; then
     say "going on without it; they are skipped, and --backend gpu will say that there is no adapter"
 fi
 
+# Needed by the tests of the viewer's window only.
+window=yes
+# shellcheck disable=SC2086  # several packages
+if [ "$(uname)" != Linux ] || { ! has_virtual_display && ! install $window_packages; }; then
+    window=no
+    say "tests of the viewer's window need a virtual display (Debian, Ubuntu: $window_packages)"
+    if $require_window; then
+        exit 1
+    fi
+    say "going on without it; they are skipped"
+fi
+
 # Needed by the feature xatlas only.
 xatlas=yes
 if { ! has_libclang || ! has_clang_headers; } && ! install libclang-dev; then
@@ -127,5 +150,5 @@ if [ $xatlas = no ]; then
     say "going on without it; the default backend is not affected"
 fi
 if $print_optional; then
-    echo "$xatlas $gpu"
+    echo "$xatlas $gpu $window"
 fi

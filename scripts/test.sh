@@ -1,19 +1,23 @@
 #!/usr/bin/env bash
 # Everything that CI runs: format, lints, documentation, tests. All in one profile, with one set of features and one
 # target folder, so that every dependency is built once.
-#   CI=true    requires what is optional elsewhere: the feature xatlas, and a driver for the GPU tests
+#   CI=true    requires what is optional elsewhere: the feature xatlas, a driver for the GPU tests, and a virtual display for
+#              the window tests
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 if [ "${CI:-}" = true ]; then
-    optional=$(scripts/setup.sh --require-xatlas --require-gpu --print-optional)
+    optional=$(scripts/setup.sh --require-xatlas --require-gpu --require-window --print-optional)
 else
     optional=$(scripts/setup.sh --print-optional)
 fi
-read -r xatlas gpu <<<"$optional"
+read -r xatlas gpu window <<<"$optional"
 # Where there is a driver, a GPU test that finds no adapter is a failure.
 if [ "$gpu" = yes ]; then
     export REQUIRE_GPU=1
+fi
+if [ "$gpu $window" = "yes yes" ]; then
+    export REQUIRE_WINDOW=1
 fi
 features=()
 if [ "$xatlas" = yes ]; then
@@ -41,6 +45,7 @@ step cargo test --release --workspace --doc ${features[@]+"${features[@]}"}
 untested=()
 if [ "$xatlas" = no ]; then untested+=("the feature xatlas"); fi
 if [ "$gpu" = no ]; then untested+=("the GPU passes"); fi
+if [ "$window" = no ]; then untested+=("the viewer's window"); fi
 if [ ${#untested[@]} -gt 0 ]; then
     echo "== all passed; not tested: $(printf '%s, ' "${untested[@]}")see what scripts/setup.sh says" >&2
 else

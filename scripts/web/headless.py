@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""Opens the page of scripts/web.sh in a Chromium without a window and saves the picture that it computes.
+
+    scripts/web/headless.py FOLDER OUT.png [KEY=VALUE ...]
+
+The page's address gets the keys (frames=8 size=480x360). Runs on the CPU (SwiftShader). Exit code 1 if the page fails.
+Standard library only: Chromium is driven through a pipe.
+"""
+
+import base64
+import contextlib
+import functools
+import http.server
+import json
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.parse
+import zlib
+
+FLAGS = """--headless=new --no-sandbox --disable-dev-shm-usage --enable-unsafe-webgpu --enable-features=Vulkan
+--use-vulkan=swiftshader --use-webgpu-adapter=swiftshader --enable-unsafe-swiftshader --ignore-gpu-blocklist
+--remote-debugging-pipe --no-first-run""".split()
+PATIENCE_S = float(os.environ.get("PATIENCE_S", 300))
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+class Chromium:
+    """Speaks the DevTools protocol: JSON messages that end in a zero byte."""
+
+    def __init__(self, profile):
+        names = ["chromium", "chromium-browser", "google-chrome", "chrome"]
+        program = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, names)), None)
+        if program is None:
+            sys.exit("headless: there is no Chromium; name it with CHROMIUM=")
+        to_read, self.out = os.pipe()
+        self.into, to_write = os.pipe()
+
+        def adopt():
+            # Chromium reads descriptor 3 and writes 4.
+            read, write = os.dup(to_read), os.dup(to_write)
+            os.dup2(read, 3)
+            os.dup2(write, 4)
+
+        command = [program, *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        self.process = subprocess.Popen(command, preexec_fn=adopt, close_fds=False, stderr=subprocess.DEVNULL)
+        os.close(to_read)
+        os.close(to_write)
+        self.rest = b""
+        self.number = 0
+        self.session = None
+
+    def message(self):
+        while b"\0" not in self.rest:
+            chunk = os.read(self.into, 1 << 20)
+            if not chunk:
+                sys.exit("headless: Chromium has ended")
+            self.rest += chunk
+        line, self.rest = self.rest.split(b"\0", 1)
+        return json.loads(line)
+
+    def call(self, method, **params):
+        self.number += 1
+        request = {"id": self.number, "method": method, "params": params}
+        if self.session:
+            request["sessionId"] = self.session
+        os.write(self.out, json.dumps(request).encode() + b"\0")
+        while True:
+            answer = self.message()
+            if answer.get("id") == self.number:
+                if "error" in answer:
+                    sys.exit(f"headless: {method}: {answer['error']}")
+                return answer["result"]
+            self.tell(answer)
+
+    def tell(self, event):
+        params = event.get("params", {})
+        if event.get("method") == "Runtime.consoleAPICalled":
+            text = " ".join(str(each.get("value", each.get("description"))) for each in params["args"])
+            print(f"console {params['type']}: {text}", file=sys.stderr)
+        elif event.get("method") == "Log.entryAdded":
+            print(f"log {params['entry']['level']}: {params['entry']['text']}", file=sys.stderr)
+
+    def value(self, expression):
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in result:
+            sys.exit(f"headless: {expression}: {result['exceptionDetails']}")
+        return result["result"].get("value")
+
+    def open(self, address):
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ["Runtime", "Log", "Page"]:
+            self.call(f"{domain}.enable")
+        self.call("Page.navigate", url=address)
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+
+
+def png(width, height, rgba):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    rows = b"".join(b"\0" + rgba[y * width * 4 : (y + 1) * width * 4] for y in range(height))
+    head = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def main():
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    folder, out, *keys = sys.argv[1:]
+    handler = functools.partial(Quiet, directory=folder)
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    query = urllib.parse.urlencode({"picture": 1, **dict(key.split("=", 1) for key in keys)})
+    with tempfile.TemporaryDirectory() as profile, contextlib.closing(Chromium(profile)) as browser:
+        browser.open(f"http://127.0.0.1:{server.server_port}/?{query}")
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            state = browser.value("window.localprt?.state ?? 'loading'")
+            if state != "loading":
+                break
+            if time.monotonic() > end:
+                sys.exit(f"headless: the page was not ready within {PATIENCE_S:.0f} s")
+            time.sleep(0.25)
+        if state != "done":
+            sys.exit(f"headless: {browser.value('window.localprt.message')}")
+        result = browser.value("(({ rgba, ...rest }) => rest)(window.localprt)")
+        encode = """(() => { let text = "", bytes = window.localprt.rgba;
+            for (let at = 0; at < bytes.length; at += 32768) text += String.fromCharCode(...bytes.slice(at, at + 32768));
+            return btoa(text); })()"""
+        rgba = base64.b64decode(browser.value(encode))
+    with open(out, "wb") as file:
+        file.write(png(result["width"], result["height"], rgba))
+    print(f"{out}: {result['width']} x {result['height']}, {result['milliseconds']:.0f} ms in the page")
+
+
+if __name__ == "__main__":
+    main()
