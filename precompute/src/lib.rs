@@ -37,5 +37,10 @@ pub mod transport;
 // Path tracing for minutes, and a picture metric in C++.
 #[cfg(not(target_arch = "wasm32"))]
 pub mod validate;
+/// Of validation, what needs neither.
+#[cfg(target_arch = "wasm32")]
+pub mod validate {
+    pub mod metrics;
+}
 pub mod volume;
 pub mod voxels;

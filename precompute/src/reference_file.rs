@@ -9,8 +9,9 @@
 use crate::error::{CommandError, Exit, reason};
 use crate::output::{OutputError, write_file};
 use crate::report::hex;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::validate::StateFindings;
-use localprt_formats::{Baked, BakedView};
+use localprt_formats::Baked;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -99,9 +100,10 @@ fn damaged(what: impl Into<String>) -> ReferenceError {
 
 impl ReferenceFile {
     /// What was found under one state at the receivers `sample`, in file order.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn of(
         content_hash: [u8; 32],
-        view: &BakedView<'_>,
+        view: &localprt_formats::BakedView<'_>,
         sample: &[u32],
         state: &StateFindings,
         bounces: u32,

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Opens the page of scripts/web.sh in a Chromium without a window and saves the picture that it computes.
+"""Opens the page of scripts/web.sh in a Chromium without a window.
 
-    scripts/web/headless.py FOLDER OUT.png [KEY=VALUE ...]
+    scripts/web/headless.py FOLDER OUT.png [KEY=VALUE ...]          saves the picture that the page computes
+    scripts/web/headless.py --open FOLDER OUT.png [KEY=VALUE ...]   uses the viewer: drags, presses keys, takes a picture
+                                                                    of the page; fails where that has no effect
 
 The page's address gets the keys (frames=8 size=480x360). Runs on the CPU (SwiftShader). Exit code 1 if the page fails.
 Standard library only: Chromium is driven through a pipe.
@@ -58,6 +60,8 @@ class Chromium:
         self.rest = b""
         self.number = 0
         self.session = None
+        # Errors of the page: exceptions, and what it has told the console.
+        self.errors = []
 
     def message(self):
         while b"\0" not in self.rest:
@@ -87,6 +91,13 @@ class Chromium:
         if event.get("method") == "Runtime.consoleAPICalled":
             text = " ".join(str(each.get("value", each.get("description"))) for each in params["args"])
             print(f"console {params['type']}: {text}", file=sys.stderr)
+            if params["type"] == "error":
+                self.errors.append(text)
+        elif event.get("method") == "Runtime.exceptionThrown":
+            details = params["exceptionDetails"]
+            text = details.get("exception", {}).get("description", details["text"])
+            print(f"exception: {text}", file=sys.stderr)
+            self.errors.append(text)
         elif event.get("method") == "Log.entryAdded":
             print(f"log {params['entry']['level']}: {params['entry']['text']}", file=sys.stderr)
 
@@ -101,7 +112,25 @@ class Chromium:
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ["Runtime", "Log", "Page"]:
             self.call(f"{domain}.enable")
+        self.call("Emulation.setDeviceMetricsOverride", width=960, height=540, deviceScaleFactor=1, mobile=False)
         self.call("Page.navigate", url=address)
+
+    def await_state(self, wanted):
+        end = time.monotonic() + PATIENCE_S
+        while (state := self.value("window.localprt?.state ?? 'loading'")) == "loading":
+            if time.monotonic() > end:
+                sys.exit(f"headless: the page was not ready within {PATIENCE_S:.0f} s")
+            time.sleep(0.25)
+        if state != wanted:
+            sys.exit(f"headless: {state}: {self.value('window.localprt.message')}")
+
+    def mouse(self, kind, x, y, buttons=0):
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, buttons=buttons, clickCount=1,
+                  button="none" if kind == "mouseMoved" and not buttons else "left")
+
+    def key(self, key, code, number):
+        for kind in ["keyDown", "keyUp"]:
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number)
 
     def close(self):
         self.process.terminate()
@@ -117,34 +146,78 @@ def png(width, height, rgba):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
-def main():
-    if len(sys.argv) < 3:
-        sys.exit(__doc__)
-    folder, out, *keys = sys.argv[1:]
-    handler = functools.partial(Quiet, directory=folder)
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    query = urllib.parse.urlencode({"picture": 1, **dict(key.split("=", 1) for key in keys)})
-    with tempfile.TemporaryDirectory() as profile, contextlib.closing(Chromium(profile)) as browser:
-        browser.open(f"http://127.0.0.1:{server.server_port}/?{query}")
-        end = time.monotonic() + PATIENCE_S
-        while True:
-            state = browser.value("window.localprt?.state ?? 'loading'")
-            if state != "loading":
-                break
-            if time.monotonic() > end:
-                sys.exit(f"headless: the page was not ready within {PATIENCE_S:.0f} s")
-            time.sleep(0.25)
-        if state != "done":
-            sys.exit(f"headless: {browser.value('window.localprt.message')}")
-        result = browser.value("(({ rgba, ...rest }) => rest)(window.localprt)")
-        encode = """(() => { let text = "", bytes = window.localprt.rgba;
-            for (let at = 0; at < bytes.length; at += 32768) text += String.fromCharCode(...bytes.slice(at, at + 32768));
-            return btoa(text); })()"""
-        rgba = base64.b64decode(browser.value(encode))
+def picture(browser, out):
+    browser.await_state("done")
+    result = browser.value("(({ rgba, ...rest }) => rest)(window.localprt)")
+    encode = """(() => { let text = "", bytes = window.localprt.rgba;
+        for (let at = 0; at < bytes.length; at += 32768) text += String.fromCharCode(...bytes.slice(at, at + 32768));
+        return btoa(text); })()"""
+    rgba = base64.b64decode(browser.value(encode))
     with open(out, "wb") as file:
         file.write(png(result["width"], result["height"], rgba))
     print(f"{out}: {result['width']} x {result['height']}, {result['milliseconds']:.0f} ms in the page")
+
+
+def use(browser, out):
+    browser.await_state("open")
+
+    def frame():
+        if browser.value("window.localprt.state") != "open":
+            sys.exit(f"headless: the viewer is closed: {browser.value('window.localprt.message')}")
+        return json.loads(browser.value("window.localprt.viewer.lastFrame()") or "{}")
+
+    def until(what, holds):
+        end = time.monotonic() + PATIENCE_S
+        while not holds(last := frame()):
+            if browser.errors:
+                sys.exit(f"headless: {what}: {browser.errors[0]}")
+            if time.monotonic() > end:
+                sys.exit(f"headless: {what}: not within {PATIENCE_S:.0f} s; the last frame: {last}")
+            time.sleep(0.1)
+        print(f"{what}: frame {last['frames']}, {last['gathers']} gathers")
+        return last
+
+    started = time.monotonic()
+    first = until("frames come", lambda last: last.get("frames", 0) >= 8)
+    print(f"8 frames in {time.monotonic() - started:.1f} s")
+    # A drag over the picture, left of the panel.
+    browser.mouse("mouseMoved", 200, 200)
+    browser.mouse("mousePressed", 200, 200, 1)
+    for step in range(1, 9):
+        browser.mouse("mouseMoved", 200 + 10 * step, 200, 1)
+        time.sleep(0.1)
+    browser.mouse("mouseReleased", 280, 200)
+    until("dragging turns the camera", lambda last: last["ahead"] != first["ahead"])
+    browser.key("2", "Digit2", 50)
+    until("a key shows another view", lambda last: last["view"] == "Lighting")
+    browser.key("1", "Digit1", 49)
+    until("and back", lambda last: last["view"] == "Final")
+    # Until all bounces have arrived, after which the viewer rests.
+    until("a still picture is not drawn again", lambda last: last["still"])
+    with open(out, "wb") as file:
+        file.write(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
+    if browser.errors:
+        sys.exit(f"headless: {browser.errors[0]}")
+    print(f"{out}: the page")
+
+
+def main():
+    arguments = sys.argv[1:]
+    opens = arguments[:1] == ["--open"]
+    if opens:
+        arguments = arguments[1:]
+    if len(arguments) < 2:
+        sys.exit(__doc__)
+    folder, out, *keys = arguments
+    handler = functools.partial(Quiet, directory=folder)
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    asked = {} if opens else {"picture": 1}
+    query = urllib.parse.urlencode({**asked, **dict(key.split("=", 1) for key in keys)})
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        with contextlib.closing(Chromium(profile)) as browser:
+            browser.open(f"http://127.0.0.1:{server.server_port}/?{query}")
+            (use if opens else picture)(browser, out)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,12 @@
 //! Each metric beside its formula. All are over valid receivers, all finite.
 
-use super::path_tracer::luminance;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
+
+/// Luminance of Rec. 709.
+pub(crate) fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
 
 /// Errors of one method against the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

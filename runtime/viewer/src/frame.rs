@@ -14,6 +14,7 @@ use crate::target::OffscreenTarget;
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
 use localprt_precompute::error::{CommandError, Exit};
+#[cfg(not(target_arch = "wasm32"))]
 use localprt_precompute::picture::Exposure;
 use localprt_precompute::relight::material_overrides;
 use localprt_runtime::gpu::Timestamps;

@@ -47,9 +47,9 @@ pub struct WindowOptions {
     pub lose_device: Option<u64>,
     /// When the program was started.
     pub started: Instant,
-    /// Where a page wants it.
+    /// Where a page wants it, and what the page hears of it.
     #[cfg(target_arch = "wasm32")]
-    pub canvas: Option<web_sys::HtmlCanvasElement>,
+    pub page: crate::web::Page,
 }
 
 /// Opens the window and stays until it is closed.
@@ -78,6 +78,14 @@ pub fn spawn(app: App<'static>, options: WindowOptions) -> Result<(), CommandErr
 fn no_display(error: &dyn std::error::Error) -> CommandError {
     CommandError::of(Exit::Unsupported, error)
         .help("a window needs a display; without one use --headless with --screenshot or --record")
+}
+
+/// To whoever started the viewer.
+fn tell(line: &str) {
+    #[cfg(not(target_arch = "wasm32"))]
+    eprintln!("{line}");
+    #[cfg(target_arch = "wasm32")]
+    web_sys::console::log_1(&line.into());
 }
 
 /// A running window.
@@ -139,7 +147,7 @@ impl<'a> Host<'a> {
         #[cfg(target_arch = "wasm32")]
         let attributes = {
             use winit::platform::web::WindowAttributesExtWebSys;
-            attributes.with_canvas(self.options.canvas.take())
+            attributes.with_canvas(Some(self.options.page.canvas.clone()))
         };
         let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_display(&error))?);
         let display = Box::new(event_loop.owned_display_handle());
@@ -182,7 +190,7 @@ impl<'a> Host<'a> {
         let device = gpu.name();
         self.show(gpu, screen)?;
         if self.n_losses == 0 {
-            eprintln!("{}", self.app.session.summary(&device, self.options.started.elapsed()));
+            tell(&self.app.session.summary(&device, self.options.started.elapsed()));
         }
         Ok(())
     }
@@ -211,7 +219,7 @@ impl<'a> Host<'a> {
         let instance = shown.gpu.instance;
         let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| no_display(&error))?;
         self.app.notice = Some("the graphics device was lost; everything is on a new one".into());
-        eprintln!("the graphics device was lost; everything is on a new one");
+        tell("the graphics device was lost; everything is on a new one");
         self.ask_for_device(instance, window, surface)
     }
 
@@ -265,6 +273,8 @@ impl<'a> Host<'a> {
             self.history.push(1e3 * seconds, shown.renderer.times());
         }
         self.n_frames += 1;
+        #[cfg(target_arch = "wasm32")]
+        self.options.page.frame(self.n_frames, shown.renderer.gathers(), is_still, app);
         if self.options.lose_device == Some(self.n_frames) {
             shown.gpu.device.destroy();
         }
@@ -406,6 +416,11 @@ impl ApplicationHandler for Host<'_> {
         }
     }
 
+    #[cfg(target_arch = "wasm32")]
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        self.options.page.closed(self.end.take());
+    }
+
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let Some(shown) = &self.shown else { return };
         let is_hidden = shown.screen.size().0 == 0 || shown.screen.size().1 == 0;
@@ -425,7 +440,9 @@ impl ApplicationHandler for Host<'_> {
             let next = now + STILL;
             event_loop.set_control_flow(ControlFlow::WaitUntil(repaint_at.map_or(next, |at| at.clamp(now, next))));
         } else {
-            event_loop.set_control_flow(ControlFlow::Poll);
+            // In a page, the next frame comes when the browser wants one; asking without pause would stop all else there.
+            let flow = if cfg!(target_arch = "wasm32") { ControlFlow::Wait } else { ControlFlow::Poll };
+            event_loop.set_control_flow(flow);
             shown.screen.window().request_redraw();
         }
     }

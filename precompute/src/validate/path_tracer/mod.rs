@@ -21,7 +21,8 @@ mod sky;
 #[cfg(test)]
 mod tests;
 
-pub use estimate::{Estimates, PathBudget};
+pub pub(crate) use super::metrics::luminance;
+use estimate::{Estimates, PathBudget};
 pub use picture::{PixelLight, ViewLight, ViewSettings};
 
 use crate::rays::{RayCaster, SurfaceHit, frame};
@@ -197,9 +198,4 @@ impl PathTracer<'_> {
         }
         self.lighting.sky.radiance(dir) * cosine / (by_sky + cosine * FRAC_1_PI)
     }
-}
-
-/// Luminance of Rec. 709.
-pub(crate) fn luminance(color: DVec3) -> f64 {
-    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }

@@ -9,7 +9,7 @@ use web_time::Instant;
 use winit::event::WindowEvent;
 use winit::window::Window;
 
-/// Formats that hold what is encoded already, best first.
+/// Formats that hold what is encoded already; the device says which it prefers.
 const FORMATS: [wgpu::TextureFormat; 3] =
     [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureFormat::Rgb10a2Unorm];
 
@@ -44,7 +44,7 @@ impl Screen {
         let size = window.inner_size();
         let capabilities = surface.get_capabilities(&gpu.adapter);
         // Both picture and egui come encoded.
-        let format = FORMATS.into_iter().find(|format| capabilities.formats.contains(format));
+        let format = capabilities.formats.iter().copied().find(|format| FORMATS.contains(format));
         let config = surface.get_default_config(&gpu.adapter, size.width.max(1), size.height.max(1));
         let (Some(format), Some(mut config)) = (format, config) else {
             let help = "choose another driver, or use --headless";

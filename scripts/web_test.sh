@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Holds the viewer in a browser against the viewer here: one bake, one state, two pictures; then uses the page by mouse and
+# keys. Chromium runs without a window and without a GPU. Where nothing compiles to WebAssembly, or there is no Chromium, it
+# says so and that is no failure. Not part of scripts/test.sh: a first build takes many minutes.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# Mean FLIP. Two software rasterizers choose other pixels along edges: 0.003 in the Cornell box. Half an exposure value is 0.06.
+allowed=0.01
+look=(480x360 2 8)
+
+skip() {
+    echo "SKIPPED web_test: $*" >&2
+    exit 0
+}
+chromium=
+for name in "${CHROMIUM:-}" chromium chromium-browser google-chrome chrome; do
+    if [ -n "$name" ] && command -v "$name" >/dev/null 2>&1; then
+        chromium=$name
+        break
+    fi
+done
+[ -n "$chromium" ] || skip "there is no Chromium; name it with CHROMIUM="
+
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+scripts/setup.sh
+cargo build --release --workspace --bins
+cargo build --release -p localprt-precompute --example flip
+target=${CARGO_TARGET_DIR:-target}
+"$target/release/precompute" bake builtin:cornell -o "$folder/cornell.lprt" --quiet --preset preview --probes 20 \
+    --probe-degree 4 --lightmap 256 --receiver-degree 1
+code=0
+scripts/web.sh "$folder/cornell.lprt" --out "$folder/site" --no-serve || code=$?
+case $code in
+    0) ;;
+    5) skip "nothing here compiles to WebAssembly" ;;
+    *) exit "$code" ;;
+esac
+
+read -r size exposure frames <<<"${look[*]}"
+CHROMIUM=$chromium scripts/web/headless.py "$folder/site" "$folder/page.png" size="$size" exposure="$exposure" frames="$frames"
+"$target/release/viewer" "$folder/cornell.lprt" --headless --screenshot "$folder/here.png" --size "$size" \
+    --exposure "$exposure" --frames "$frames"
+found=$("$target/release/examples/flip" "$folder/page.png" "$folder/here.png")
+echo "page and viewer: $found"
+awk -v found="${found#FLIP mean }" -v allowed=$allowed 'BEGIN { exit !(found + 0 <= allowed) }' || {
+    echo "web_test: the pictures differ by more than a mean FLIP of $allowed" >&2
+    exit 1
+}
+CHROMIUM=$chromium scripts/web/headless.py --open "$folder/site" "$folder/open.png"
+echo "web_test: passed"
