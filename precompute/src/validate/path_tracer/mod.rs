@@ -21,13 +21,13 @@ mod sky;
 #[cfg(test)]
 mod tests;
 
-pub pub(crate) use super::metrics::luminance;
-use estimate::{Estimates, PathBudget};
+pub(crate) use super::metrics::luminance;
+pub use estimate::{Estimates, PathBudget};
 pub use picture::{PixelLight, ViewLight, ViewSettings};
 
 use crate::rays::{RayCaster, SurfaceHit, frame};
 use emitters::Emitters;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use lamps::{FoundByCosine, Lamps, SAME_POINT};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, SurfaceShading};
