@@ -5,6 +5,7 @@ mod bake_flags;
 pub use bake_flags::{BakeFlags, PresetName};
 
 use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use localprt_precompute::arguments::{parse_exposure, parse_size};
 use localprt_precompute::settings::BakeSettings;
 use std::path::PathBuf;
 
@@ -319,17 +320,6 @@ impl Refused {
     }
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
-    let size = text.split_once(['x', 'X']).and_then(|(width, height)| Some((side(width)?, side(height)?)));
-    size.ok_or_else(|| "expected two numbers from 1 to 16384, such as 1280x720".into())
-}
-
-fn parse_exposure(text: &str) -> Result<f32, String> {
-    let value = text.parse::<f32>().ok().filter(|value| (-60.0..=60.0).contains(value));
-    value.ok_or_else(|| "expected a number from -60 to 60".into())
-}
-
 fn parse_share(text: &str) -> Result<f32, String> {
     let value = text.parse::<f32>().ok().filter(|value| (0.0..=1.0).contains(value));
     value.ok_or_else(|| "expected a number from 0 to 1".into())
@@ -357,13 +347,5 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn sizes_are_two_numbers() {
-        assert_eq!(parse_size("640x480"), Ok((640, 480)));
-        for text in ["640", "0x480", "640x", "axb", "99999x1"] {
-            assert!(parse_size(text).is_err(), "{text}");
-        }
     }
 }

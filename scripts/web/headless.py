@@ -59,7 +59,7 @@ class Chromium:
         os.close(to_write)
         self.rest = b""
         self.number = 0
-        self.session = None
+        self.attached = None
         # Errors of the page: exceptions, and what it has told the console.
         self.errors = []
 
@@ -75,8 +75,8 @@ class Chromium:
     def call(self, method, **params):
         self.number += 1
         request = {"id": self.number, "method": method, "params": params}
-        if self.session:
-            request["sessionId"] = self.session
+        if self.attached:
+            request["sessionId"] = self.attached
         os.write(self.out, json.dumps(request).encode() + b"\0")
         while True:
             answer = self.message()
@@ -109,7 +109,7 @@ class Chromium:
 
     def open(self, address):
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.attached = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ["Runtime", "Log", "Page"]:
             self.call(f"{domain}.enable")
         self.call("Emulation.setDeviceMetricsOverride", width=960, height=540, deviceScaleFactor=1, mobile=False)

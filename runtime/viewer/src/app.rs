@@ -2,8 +2,8 @@
 
 use crate::blit::PixelRect;
 use crate::frame::check_view;
+use crate::open_bake::OpenBake;
 use crate::panel::{self, Figures};
-use crate::session::Session;
 use crate::stage::Stage;
 use crate::state::ViewState;
 use crate::viewport::Viewport;
@@ -13,10 +13,10 @@ use localprt_scenes::Lighting;
 /// Windows narrower than so many points have no room for a panel beside the picture.
 const NARROW: f32 = 480.0;
 
-/// One session under a user's hands.
+/// One open bake under a user's hands.
 pub struct App<'a> {
     /// What is shown.
-    pub session: &'a Session<'a>,
+    pub bake: &'a OpenBake<'a>,
     /// What the user changes.
     pub state: ViewState,
     /// The lighting that the viewer was started with.
@@ -56,13 +56,13 @@ pub struct Requests {
 }
 
 impl<'a> App<'a> {
-    /// A session as the command line wants it.
-    pub fn new(session: &'a Session<'a>, state: ViewState, camera: usize, first_lighting: Lighting) -> Self {
+    /// An open bake as the command line wants it.
+    pub fn new(bake: &'a OpenBake<'a>, state: ViewState, camera: usize, first_lighting: Lighting) -> Self {
         Self {
-            session,
+            bake,
             state,
             first_lighting,
-            viewport: Viewport::new(session),
+            viewport: Viewport::new(bake),
             shows_panel: true,
             shows_keys: false,
             seconds: 0.0,
@@ -100,7 +100,7 @@ impl<'a> App<'a> {
 
     /// Shows a view, or says why it cannot.
     pub fn show(&mut self, view: ViewKind) {
-        match check_view(self.session, view) {
+        match check_view(self.bake, view) {
             Ok(()) => {
                 self.state.look.view = view;
                 self.notice = None;
@@ -111,14 +111,14 @@ impl<'a> App<'a> {
 
     /// Goes to the scene's next camera.
     pub fn next_camera(&mut self) {
-        self.go_to_camera((self.camera + 1) % self.session.cameras.len());
+        self.go_to_camera((self.camera + 1) % self.bake.cameras.len());
     }
 
     /// Goes to a camera of the scene.
     pub fn go_to_camera(&mut self, camera: usize) {
         self.camera = camera;
-        self.state.go_to(self.session, self.camera);
-        self.notice = Some(format!("camera {}: {}", self.camera, self.session.cameras[self.camera].name));
+        self.state.go_to(self.bake, self.camera);
+        self.notice = Some(format!("camera {}: {}", self.camera, self.bake.cameras[self.camera].name));
     }
 
     /// Lights, sky and materials as at the start; nothing that moves.
@@ -130,7 +130,7 @@ impl<'a> App<'a> {
 
     /// Lights and things where they are now.
     pub fn stage(&self) -> Stage {
-        Stage::new(&self.state, self.session.bounds, self.seconds)
+        Stage::new(&self.state, self.bake.bounds, self.seconds)
     }
 
     /// Time goes by.

@@ -1,16 +1,16 @@
 //! A flight for recordings.
 
-use crate::session::Session;
+use crate::open_bake::OpenBake;
 use crate::viewpoint::Viewpoint;
 
 /// Where the camera is at a share, 0..1, of a flight: through the scene's cameras and back to the first, or once around
 /// what the only one looks at, swaying from side to side so that it stays where it can see.
-pub fn camera_path(session: &Session<'_>, start: &Viewpoint, share: f32) -> Viewpoint {
-    if session.scene().cameras.len() < 2 {
+pub fn camera_path(bake: &OpenBake<'_>, start: &Viewpoint, share: f32) -> Viewpoint {
+    if bake.scene().cameras.len() < 2 {
         return sway(start, share);
     }
     let stations: Vec<Viewpoint> =
-        session.cameras.iter().map(|camera| Viewpoint::of_camera(camera, start.focus_m)).collect();
+        bake.cameras.iter().map(|camera| Viewpoint::of_camera(camera, start.focus_m)).collect();
     let at = share.rem_euclid(1.0) * stations.len() as f32;
     let from = at as usize % stations.len();
     // Starts and stops gently at every station.

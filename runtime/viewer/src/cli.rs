@@ -3,6 +3,7 @@
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
 use clap::{Parser, ValueEnum};
+use localprt_precompute::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
 /// Shows a baked scene relit in real time.
@@ -134,17 +135,6 @@ fn parse_pair(text: &str) -> Result<(f32, f32), String> {
     let share = |text: &str| text.trim().parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
     let pair = text.split_once(',').and_then(|(x, y)| Some((share(x)?, share(y)?)));
     pair.ok_or_else(|| "expected two numbers from 0 to 1, such as 0.5,0.5".into())
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
-    let size = text.split_once(['x', 'X']).and_then(|(width, height)| Some((side(width)?, side(height)?)));
-    size.ok_or_else(|| "expected two numbers from 1 to 16384, such as 1280x720".into())
-}
-
-fn parse_exposure(text: &str) -> Result<f32, String> {
-    let value = text.parse::<f32>().ok().filter(|value| (-60.0..=60.0).contains(value));
-    value.ok_or_else(|| "expected a number from -60 to 60".into())
 }
 
 #[cfg(test)]

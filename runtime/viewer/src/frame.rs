@@ -3,11 +3,11 @@
 use crate::exposure::Meter;
 use crate::gpu::Gpu;
 use crate::objects::moving_casters;
+use crate::open_bake::OpenBake;
 use crate::options::DrawOptions;
 use crate::overlays::{OverlayLine, Overlays, ProbeSpheres};
 use crate::receiver_maps::{Legend, receiver_map};
 use crate::scene_draw::SceneDraw;
-use crate::session::Session;
 use crate::stage::Stage;
 use crate::state::{Bounces, Look, ViewState};
 use crate::target::OffscreenTarget;
@@ -37,7 +37,7 @@ const SPARE_LAYERS: u32 = 6;
 /// Frames after a start at which the exposure is measured again: light is still arriving.
 const METERED_FRAMES: [u64; 6] = [1, 2, 4, 8, 16, 32];
 
-/// Everything on the GPU that one session's pictures need.
+/// Everything on the GPU that the pictures of one open bake need.
 pub struct Renderer {
     gi: Relighter,
     draw: SceneDraw,
@@ -67,25 +67,25 @@ struct Applied {
 }
 
 impl Renderer {
-    /// Uploads a session, for pictures of `size` pixels with room for these lights.
+    /// Uploads an open bake, for pictures of `size` pixels with room for these lights.
     ///
     /// # Errors
     /// Exit code 5 if the device is too small.
     pub fn new(
         gpu: &Gpu,
-        session: &Session<'_>,
+        bake: &OpenBake<'_>,
         lights: &[Light],
         (width, height): (u32, u32),
     ) -> Result<Self, CommandError> {
         let (device, queue) = (&gpu.device, &gpu.queue);
-        let direct = shadow_options(device, session, lights)?;
+        let direct = shadow_options(device, bake, lights)?;
         let options = RelighterOptions { direct, ..RelighterOptions::default() };
-        let mut gi = Relighter::new(device, queue, session.baked, options).map_err(refused)?;
-        gi.set_scene(&session.texels, &session.casters).map_err(refused)?;
-        let draw = SceneDraw::new(device, queue, session.scene(), &gi, DrawOptions::default())
+        let mut gi = Relighter::new(device, queue, bake.baked, options).map_err(refused)?;
+        gi.set_scene(&bake.texels, &bake.casters).map_err(refused)?;
+        let draw = SceneDraw::new(device, queue, bake.scene(), &gi, DrawOptions::default())
             .map_err(|error| CommandError::of(Exit::Internal, &error))?;
         let renderer = Self {
-            overlays: Overlays::new(device, &gi, &session.baked),
+            overlays: Overlays::new(device, &gi, &bake.baked),
             target: OffscreenTarget::new(device, width, height),
             timestamps: Timestamps::new(device, queue),
             meter: Meter::default(),
@@ -130,18 +130,18 @@ impl Renderer {
     pub fn render(
         &mut self,
         gpu: &Gpu,
-        session: &Session<'_>,
+        bake: &OpenBake<'_>,
         state: &ViewState,
         stage: &Stage,
         lines: &[OverlayLine],
     ) -> Result<(), CommandError> {
-        if needed_layers(session, &stage.lights) > self.shadow_layers {
-            let mut larger = Self::new(gpu, session, &stage.lights, self.target.size())?;
+        if needed_layers(bake, &stage.lights) > self.shadow_layers {
+            let mut larger = Self::new(gpu, bake, &stage.lights, self.target.size())?;
             (larger.ev, larger.must_meter, larger.frames) = (self.ev, self.must_meter, self.frames);
             *self = larger;
         }
-        self.apply(gpu, session, state, stage)?;
-        self.set_overlays(gpu, session, state, lines);
+        self.apply(gpu, bake, state, stage)?;
+        self.set_overlays(gpu, bake, state, lines);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         self.gi.encode(&mut encoder, &DirectLight::Lights).map_err(refused)?;
         gpu.queue.submit([encoder.finish()]);
@@ -156,10 +156,10 @@ impl Renderer {
         let has_overlays = !lines.is_empty() || state.overlays.probes;
         if meters && has_overlays {
             // The light of the scene counts, and not what is drawn over it.
-            self.draw_scene(gpu, session, state, false, &mut encoder)?;
+            self.draw_scene(gpu, bake, state, false, &mut encoder)?;
             self.must_meter &= !self.meter.encode(&gpu.device, &mut encoder, &self.target);
         }
-        self.draw_scene(gpu, session, state, true, &mut encoder)?;
+        self.draw_scene(gpu, bake, state, true, &mut encoder)?;
         if meters && !has_overlays {
             self.must_meter &= !self.meter.encode(&gpu.device, &mut encoder, &self.target);
         }
@@ -178,12 +178,12 @@ impl Renderer {
     fn draw_scene(
         &mut self,
         gpu: &Gpu,
-        session: &Session<'_>,
+        bake: &OpenBake<'_>,
         state: &ViewState,
         with_overlays: bool,
         encoder: &mut wgpu::CommandEncoder,
     ) -> Result<(), CommandError> {
-        let view = state.viewpoint.view(session.extent_m());
+        let view = state.viewpoint.view(bake.extent_m());
         let span = self.timestamps.as_mut().and_then(|timestamps| timestamps.reserve("scene"));
         let writes =
             span.zip(self.timestamps.as_ref()).map(|((begin, end), timestamps)| wgpu::RenderPassTimestampWrites {
@@ -214,20 +214,15 @@ impl Renderer {
     /// # Errors
     /// A device that is lost.
     #[cfg(not(target_arch = "wasm32"))]
-    pub fn read_picture(
-        &mut self,
-        gpu: &Gpu,
-        session: &Session<'_>,
-        state: &ViewState,
-    ) -> Result<Vec<u8>, CommandError> {
+    pub fn read_picture(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, state: &ViewState) -> Result<Vec<u8>, CommandError> {
         let (device, queue) = (&gpu.device, &gpu.queue);
         if state.look.exposure.is_none() && !state.look.view.is_map() {
             let mut encoder = device.create_command_encoder(&Default::default());
-            self.draw_scene(gpu, session, state, false, &mut encoder)?;
+            self.draw_scene(gpu, bake, state, false, &mut encoder)?;
             queue.submit([encoder.finish()]);
             self.ev = Exposure::Auto.ev(&self.target.read_radiance(device, queue).map_err(refused)?);
             let mut encoder = device.create_command_encoder(&Default::default());
-            self.draw_scene(gpu, session, state, true, &mut encoder)?;
+            self.draw_scene(gpu, bake, state, true, &mut encoder)?;
             self.develop(gpu, state, &mut encoder);
             queue.submit([encoder.finish()]);
         }
@@ -235,13 +230,7 @@ impl Renderer {
     }
 
     /// What changed since the last frame.
-    fn apply(
-        &mut self,
-        gpu: &Gpu,
-        session: &Session<'_>,
-        state: &ViewState,
-        stage: &Stage,
-    ) -> Result<(), CommandError> {
+    fn apply(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, state: &ViewState, stage: &Stage) -> Result<(), CommandError> {
         let (device, queue) = (&gpu.device, &gpu.queue);
         match state.bounces {
             Bounces::All => self.gi.set_bounces(1),
@@ -255,7 +244,7 @@ impl Renderer {
             self.applied.lights = Some(stage.lights.clone());
         }
         if self.applied.stage.as_ref().is_none_or(|last| last.objects != stage.objects) {
-            let occluders = if session.baked.ray_distance.is_empty() { &[] } else { stage.occluders.as_slice() };
+            let occluders = if bake.baked.ray_distance.is_empty() { &[] } else { stage.occluders.as_slice() };
             self.gi.set_occluders(occluders).map_err(refused)?;
             let casters =
                 if stage.objects.is_empty() { ShadowCasters::default() } else { moving_casters(&stage.objects) };
@@ -266,23 +255,23 @@ impl Renderer {
         let materials = (&state.materials, state.albedo_override);
         if self.applied.materials.as_ref().is_none_or(|(own, albedo)| (own, *albedo) != materials) {
             let lighting = Lighting { materials: state.materials.clone(), ..Lighting::default() };
-            let overrides = material_overrides(session.scene(), &lighting);
+            let overrides = material_overrides(bake.scene(), &lighting);
             self.gi.set_materials(&overrides, state.albedo_override).map_err(refused)?;
             self.draw.set_materials(queue, &overrides, state.albedo_override);
             self.applied.materials = Some((state.materials.clone(), state.albedo_override));
         }
         if self.applied.sky.as_ref().is_none_or(|sky| !Arc::ptr_eq(sky, &state.sky)) {
             let sky = &state.sky;
-            let sh = if sky.is_black() { Vec::new() } else { sky_sh(sky, session.baked.metadata.sky_degree) };
+            let sh = if sky.is_black() { Vec::new() } else { sky_sh(sky, bake.baked.metadata.sky_degree) };
             self.gi.set_sky(&sh, &[]).map_err(refused)?;
             self.draw.set_sky(device, queue, sky);
             self.applied.sky = Some(Arc::clone(sky));
         }
-        self.apply_look(gpu, session, &state.look);
+        self.apply_look(gpu, bake, &state.look);
         Ok(())
     }
 
-    fn apply_look(&mut self, gpu: &Gpu, session: &Session<'_>, look: &Look) {
+    fn apply_look(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, look: &Look) {
         let last = self.applied.look.replace(*look);
         if last == Some(*look) {
             return;
@@ -294,7 +283,7 @@ impl Renderer {
             cull_backs: look.cull_backs,
         });
         if last.map(|last| last.view) != Some(look.view) {
-            let map = receiver_map(look.view, &session.baked, session.files.reference.as_ref());
+            let map = receiver_map(look.view, &bake.baked, bake.files.reference.as_ref());
             if let Some(map) = &map {
                 self.draw.set_receiver_map(&gpu.device, &gpu.queue, map);
             }
@@ -305,11 +294,11 @@ impl Renderer {
         }
     }
 
-    fn set_overlays(&mut self, gpu: &Gpu, session: &Session<'_>, state: &ViewState, lines: &[OverlayLine]) {
+    fn set_overlays(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, state: &ViewState, lines: &[OverlayLine]) {
         self.overlays.set_lines(&gpu.device, &gpu.queue, lines);
         let highlighted = || state.overlays.probe.into_iter().map(|probe| (probe, 1.0)).collect();
         let spheres = state.overlays.probes.then(|| ProbeSpheres {
-            radius_m: state.overlays.probe_size * session.median_support_radius_m(),
+            radius_m: state.overlays.probe_size * bake.median_support_radius_m(),
             highlighted: highlighted(),
         });
         self.overlays.set_probes(&gpu.queue, spheres);
@@ -358,31 +347,27 @@ impl Renderer {
     }
 }
 
-/// Whether a session can show a view.
+/// Whether an open bake can show a view.
 ///
 /// # Errors
 /// The error view without a reference that `validate` left beside the file.
-pub fn check_view(session: &Session<'_>, view: ViewKind) -> Result<(), CommandError> {
-    if view != ViewKind::Error || session.files.reference.is_some() {
+pub fn check_view(bake: &OpenBake<'_>, view: ViewKind) -> Result<(), CommandError> {
+    if view != ViewKind::Error || bake.files.reference.is_some() {
         return Ok(());
     }
-    let what = session.files.reference_note.clone().unwrap_or_else(|| "there is no reference beside it".into());
-    let help = format!("run `precompute validate {} -o DIR`, which leaves one", session.files.path.display());
-    Err(CommandError::new(Exit::InvalidInput, what).in_file(&session.files.path).help(help))
+    let what = bake.files.reference_note.clone().unwrap_or_else(|| "there is no reference beside it".into());
+    let help = format!("run `precompute validate {} -o DIR`, which leaves one", bake.files.path.display());
+    Err(CommandError::new(Exit::InvalidInput, what).in_file(&bake.files.path).help(help))
 }
 
-fn needed_layers(session: &Session<'_>, lights: &[Light]) -> u32 {
-    let bounds = session.casters.bounds();
+fn needed_layers(bake: &OpenBake<'_>, lights: &[Light]) -> u32 {
+    let bounds = bake.casters.bounds();
     lights.iter().map(|light| shadow_views(light, &bounds, SHADOW_MAP_SIZE).len() as u32).sum()
 }
 
 /// Layers for these lights and some more, at the largest size that stays within [`SHADOW_BYTES`].
-fn shadow_options(
-    device: &wgpu::Device,
-    session: &Session<'_>,
-    lights: &[Light],
-) -> Result<DirectOptions, CommandError> {
-    let needed = needed_layers(session, lights);
+fn shadow_options(device: &wgpu::Device, bake: &OpenBake<'_>, lights: &[Light]) -> Result<DirectOptions, CommandError> {
+    let needed = needed_layers(bake, lights);
     let allowed = device.limits().max_texture_array_layers;
     if needed > allowed {
         let what = format!("the lights need {needed} shadow maps, this device has {allowed} at a time");

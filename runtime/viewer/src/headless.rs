@@ -4,9 +4,9 @@ use crate::camera_path::camera_path;
 use crate::cli::Cli;
 use crate::frame::{Renderer, too_small};
 use crate::gpu::Gpu;
+use crate::open_bake::OpenBake;
 use crate::receiver_maps::Legend;
 use crate::scene_overlays::overlay_lines;
-use crate::session::Session;
 use crate::stage::Stage;
 use crate::state::ViewState;
 use localprt_precompute::error::CommandError;
@@ -22,10 +22,10 @@ const RECORDED_FRAMES: u32 = 120;
 /// Of a recording.
 const FRAMES_PER_SECOND: f32 = 30.0;
 
-/// Pictures of a session.
+/// Pictures of an open bake.
 pub struct Headless<'a> {
     /// What is shown.
-    pub session: &'a Session<'a>,
+    pub bake: &'a OpenBake<'a>,
     /// How.
     pub state: ViewState,
     /// Pixels.
@@ -43,7 +43,7 @@ impl Headless<'_> {
         }
         let gpu = Gpu::headless()?;
         let mut renderer = self.renderer(&gpu)?;
-        eprintln!("{}", self.session.summary(&gpu.name(), started.elapsed()));
+        eprintln!("{}", self.bake.summary(&gpu.name(), started.elapsed()));
         match (&cli.screenshot, &cli.record) {
             (_, Some(folder)) => self.record(&gpu, &mut renderer, folder, cli.frames.unwrap_or(RECORDED_FRAMES)),
             (Some(path), None) => self.screenshot(&gpu, &mut renderer, path, cli.frames.unwrap_or(FRAMES)),
@@ -62,7 +62,7 @@ impl Headless<'_> {
             self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
         }
         self.describe(renderer);
-        let pixels = renderer.read_picture(gpu, self.session, &self.state)?;
+        let pixels = renderer.read_picture(gpu, self.bake, &self.state)?;
         write_png(path, self.size.0, self.size.1, &pixels)?;
         Ok(())
     }
@@ -72,13 +72,13 @@ impl Headless<'_> {
         check_writable(&folder.join("frame_00000.png"))?;
         let start = self.state.viewpoint;
         for frame in 0..n_frames {
-            self.state.viewpoint = camera_path(self.session, &start, frame as f32 / n_frames as f32);
+            self.state.viewpoint = camera_path(self.bake, &start, frame as f32 / n_frames as f32);
             // Light has arrived, and the exposure of the first picture is that of all.
             let n_gathers = if frame == 0 { FRAMES } else { 1 };
             for _ in 0..n_gathers {
                 self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
             }
-            let pixels = renderer.read_picture(gpu, self.session, &self.state)?;
+            let pixels = renderer.read_picture(gpu, self.bake, &self.state)?;
             if frame == 0 {
                 self.state.look.exposure = Some(renderer.ev(&self.state.look));
             }
@@ -89,14 +89,14 @@ impl Headless<'_> {
     }
 
     fn renderer(&self, gpu: &Gpu) -> Result<Renderer, CommandError> {
-        let stage = Stage::new(&self.state, self.session.bounds, 0.0);
-        Renderer::new(gpu, self.session, &stage.lights, self.size)
+        let stage = Stage::new(&self.state, self.bake.bounds, 0.0);
+        Renderer::new(gpu, self.bake, &stage.lights, self.size)
     }
 
     fn frame(&self, gpu: &Gpu, renderer: &mut Renderer, seconds: f32) -> Result<(), CommandError> {
-        let stage = Stage::new(&self.state, self.session.bounds, seconds);
-        let lines = overlay_lines(self.session, &self.state, &stage);
-        renderer.render(gpu, self.session, &self.state, &stage, &lines)?;
+        let stage = Stage::new(&self.state, self.bake.bounds, seconds);
+        let lines = overlay_lines(self.bake, &self.state, &stage);
+        renderer.render(gpu, self.bake, &self.state, &stage, &lines)?;
         match gpu.take_error() {
             Some(error) => Err(too_small(&error)),
             None => Ok(()),
@@ -113,8 +113,8 @@ impl Headless<'_> {
     }
 }
 
-/// Pixels of a picture of this session unless given.
-pub fn picture_size(session: &Session<'_>, camera: usize) -> (u32, u32) {
-    let size = PictureSize::of_camera(&session.cameras[camera.min(session.cameras.len() - 1)]);
+/// Pixels of a picture unless given: those of the camera.
+pub fn picture_size(bake: &OpenBake<'_>, camera: usize) -> (u32, u32) {
+    let size = PictureSize::of_camera(&bake.cameras[camera.min(bake.cameras.len() - 1)]);
     (size.width, size.height)
 }

@@ -38,6 +38,7 @@ mod gpu;
 mod headless;
 mod object_light;
 mod objects;
+mod open_bake;
 mod options;
 mod overlay_shapes;
 mod overlays;
@@ -47,7 +48,6 @@ mod receiver_maps;
 mod run;
 mod scene_draw;
 mod scene_overlays;
-mod session;
 mod sky;
 mod stage;
 mod state;
@@ -70,6 +70,7 @@ pub use gpu::Gpu;
 #[cfg(not(target_arch = "wasm32"))]
 pub use headless::Headless;
 pub use objects::{MovingObject, ObjectShape, moving_casters};
+pub use open_bake::{Files, OpenBake};
 pub use options::{DrawOptions, Specular, View};
 pub use overlay_shapes::{
     Support, SupportingProbe, light_shape, probe_rays, receiver_lines, support_sphere, supporting_probes,
@@ -80,7 +81,6 @@ pub use receiver_maps::{Legend, ReceiverMap, receiver_map};
 #[cfg(not(target_arch = "wasm32"))]
 pub use run::run;
 pub use scene_draw::SceneDraw;
-pub use session::{Files, Session};
 pub use stage::Stage;
 pub use state::{Ball, Bounces, Door, LitObject, Look, OverlayState, SceneLight, ViewState};
 pub use target::{OffscreenTarget, WHITE};

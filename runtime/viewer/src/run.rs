@@ -5,7 +5,7 @@ use crate::cli::{Cli, OverlayName, Thing};
 use crate::daylight::{daylight, is_dark};
 use crate::frame::check_view;
 use crate::headless::{Headless, picture_size};
-use crate::session::{Files, Session};
+use crate::open_bake::{Files, OpenBake};
 use crate::state::{Ball, Bounces, Door, LitObject, SceneLight, ViewState, new_light, torch};
 use crate::window::{self, WindowOptions};
 use localprt_precompute::error::{CommandError, Exit};
@@ -21,7 +21,7 @@ use web_time::Instant;
 pub fn run(cli: &Cli) -> Result<(), CommandError> {
     let started = Instant::now();
     let files = Files::open(&cli.file, cli.scene.as_deref())?;
-    let session = Session::new(&files)?;
+    let bake = OpenBake::new(&files)?;
     let mut lighting = inputs::lighting(cli.lights.as_deref(), &files.scene)?;
     let has_light = |thing: &Thing| matches!(thing, Thing::Torch | Thing::Lamp);
     let dark = is_dark(&files.scene, &lighting) && !cli.things.iter().any(has_light);
@@ -31,22 +31,22 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         lighting = daylight();
     }
     if cli.camera.is_some() {
-        inputs::camera(&session.caster, cli.camera)?;
+        inputs::camera(&bake.caster, cli.camera)?;
     }
-    check_view(&session, cli.view)?;
+    check_view(&bake, cli.view)?;
     let camera = cli.camera.unwrap_or(0);
-    let size = cli.size.unwrap_or_else(|| picture_size(&session, camera));
-    let mut state = ViewState::new(&session, camera, &lighting);
+    let size = cli.size.unwrap_or_else(|| picture_size(&bake, camera));
+    let mut state = ViewState::new(&bake, camera, &lighting);
     set_look(&mut state, cli);
-    bring(&mut state, cli, &session)?;
-    set_overlays(&mut state, cli, &session, size.0 as f32 / size.1 as f32)?;
+    bring(&mut state, cli, &bake)?;
+    set_overlays(&mut state, cli, &bake, size.0 as f32 / size.1 as f32)?;
     if cli.headless {
         if dark {
             eprintln!("nothing shines: neither the scene nor its lighting has a light; give one with --lights");
         }
-        return Headless { session: &session, state, size }.run(cli, started);
+        return Headless { bake: &bake, state, size }.run(cli, started);
     }
-    let mut app = App::new(&session, state, camera, lighting);
+    let mut app = App::new(&bake, state, camera, lighting);
     if needs_daylight {
         app.notice = Some("nothing shone here, so there are a sun and a sky now".into());
     }
@@ -74,16 +74,16 @@ fn set_look(state: &mut ViewState, cli: &Cli) {
     state.animate = cli.animate;
 }
 
-fn bring(state: &mut ViewState, cli: &Cli, session: &Session<'_>) -> Result<(), CommandError> {
+fn bring(state: &mut ViewState, cli: &Cli, bake: &OpenBake<'_>) -> Result<(), CommandError> {
     let viewpoint = state.viewpoint;
     for thing in &cli.things {
         match thing {
-            Thing::Ball => state.balls.push(Ball::new(session, &viewpoint)),
-            Thing::Door => state.door = Some(Door::new(session, &viewpoint)),
-            Thing::LitBall => state.object = Some(LitObject::new(session, &viewpoint)),
-            Thing::Torch => state.lights.push(torch(&viewpoint, session.extent_m())),
+            Thing::Ball => state.balls.push(Ball::new(bake, &viewpoint)),
+            Thing::Door => state.door = Some(Door::new(bake, &viewpoint)),
+            Thing::LitBall => state.object = Some(LitObject::new(bake, &viewpoint)),
+            Thing::Torch => state.lights.push(torch(&viewpoint, bake.extent_m())),
             Thing::Lamp => {
-                let light = new_light(LightKind::Point, &viewpoint, session.extent_m());
+                let light = new_light(LightKind::Point, &viewpoint, bake.extent_m());
                 state.lights.push(SceneLight { circles: true, ..SceneLight::new(light) });
             }
         }
@@ -96,9 +96,9 @@ fn bring(state: &mut ViewState, cli: &Cli, session: &Session<'_>) -> Result<(), 
     Ok(())
 }
 
-fn set_overlays(state: &mut ViewState, cli: &Cli, session: &Session<'_>, aspect: f32) -> Result<(), CommandError> {
+fn set_overlays(state: &mut ViewState, cli: &Cli, bake: &OpenBake<'_>, aspect: f32) -> Result<(), CommandError> {
     let shows = |name: OverlayName| cli.overlay.contains(&name);
-    let n_probes = session.baked.probes.len();
+    let n_probes = bake.baked.probes.len();
     if let Some(probe) = cli.probe.filter(|&probe| probe as usize >= n_probes) {
         let help = format!("give a number below {n_probes}");
         return Err(CommandError::new(Exit::Usage, format!("the file has no probe {probe}")).help(help));
@@ -110,8 +110,8 @@ fn set_overlays(state: &mut ViewState, cli: &Cli, session: &Session<'_>, aspect:
     state.overlays.probe = cli.probe.or_else(|| (wants_probe && n_probes > 0).then_some(0));
     if let Some((x, y)) = cli.pick.or_else(|| shows(OverlayName::Receiver).then_some((0.5, 0.5))) {
         let (origin, dir) = state.viewpoint.ray(x, y, aspect);
-        let hit = session.caster.closest_hit(origin, dir);
-        state.overlays.receiver = hit.and_then(|hit| session.nearest_receiver(hit.position, hit.normal));
+        let hit = bake.caster.closest_hit(origin, dir);
+        state.overlays.receiver = hit.and_then(|hit| bake.nearest_receiver(hit.position, hit.normal));
         if state.overlays.receiver.is_none() {
             let what = format!("there is no receiver at {x},{y} of the picture");
             return Err(CommandError::new(Exit::Usage, what).help("give another place with --pick X,Y"));

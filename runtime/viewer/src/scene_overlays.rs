@@ -1,9 +1,9 @@
 //! Which lines a state draws over its scene.
 
 use crate::gizmo::gizmo;
+use crate::open_bake::OpenBake;
 use crate::overlay_shapes::{light_shape, probe_rays, receiver_lines, support_sphere};
 use crate::overlays::OverlayLine;
-use crate::session::Session;
 use crate::stage::Stage;
 use crate::state::ViewState;
 use glam::Vec3;
@@ -16,25 +16,25 @@ const LIGHT_SHARE: f32 = 0.025;
 const GIZMO_SHARE: f32 = 0.12;
 
 /// All of them, in world space.
-pub fn overlay_lines(session: &Session<'_>, state: &ViewState, stage: &Stage) -> Vec<OverlayLine> {
+pub fn overlay_lines(bake: &OpenBake<'_>, state: &ViewState, stage: &Stage) -> Vec<OverlayLine> {
     let overlays = &state.overlays;
     let mut lines = Vec::new();
-    if let Some(probe) = overlays.probe.filter(|&probe| (probe as usize) < session.baked.probes.len()) {
-        lines.extend(support_sphere(&session.baked.probes[probe as usize]));
+    if let Some(probe) = overlays.probe.filter(|&probe| (probe as usize) < bake.baked.probes.len()) {
+        lines.extend(support_sphere(&bake.baked.probes[probe as usize]));
         if overlays.rays {
-            lines.extend(probe_rays(&session.baked, probe, MOST_RAYS));
+            lines.extend(probe_rays(&bake.baked, probe, MOST_RAYS));
         }
     }
-    if let Some(receiver) = overlays.receiver.filter(|&it| (it as usize) < session.baked.receiver_position.len()) {
-        lines.extend(receiver_lines(&session.baked, receiver));
+    if let Some(receiver) = overlays.receiver.filter(|&it| (it as usize) < bake.baked.receiver_position.len()) {
+        lines.extend(receiver_lines(&bake.baked, receiver));
     }
     if overlays.lights {
-        lines.extend(light_lines(session, state, stage));
+        lines.extend(light_lines(bake, state, stage));
     }
     lines
 }
 
-fn light_lines(session: &Session<'_>, state: &ViewState, stage: &Stage) -> Vec<OverlayLine> {
+fn light_lines(bake: &OpenBake<'_>, state: &ViewState, stage: &Stage) -> Vec<OverlayLine> {
     let mut lines = Vec::new();
     // The stage has the lights that shine, in the same order.
     let shining = state.lights.iter().enumerate().filter(|(_, own)| own.on);
@@ -43,7 +43,7 @@ fn light_lines(session: &Session<'_>, state: &ViewState, stage: &Stage) -> Vec<O
             continue;
         }
         let is_selected = state.overlays.selected_light == Some(index);
-        let at = handle(session, light);
+        let at = handle(bake, light);
         let size_m = LIGHT_SHARE * state.viewpoint.eye().distance(at);
         lines.extend(light_shape(light, at, size_m, is_selected));
         if is_selected && light.kind != LightKind::Directional {
@@ -54,11 +54,11 @@ fn light_lines(session: &Session<'_>, state: &ViewState, stage: &Stage) -> Vec<O
 }
 
 /// Where a light can be taken hold of: its place, or for a sun a point above the middle of the scene.
-pub fn handle(session: &Session<'_>, light: &Light) -> Vec3 {
+pub fn handle(bake: &OpenBake<'_>, light: &Light) -> Vec3 {
     match light.kind {
         LightKind::Directional => {
-            let (low, high) = session.bounds;
-            0.5 * (low + high) - 0.4 * session.extent_m() * light.direction
+            let (low, high) = bake.bounds;
+            0.5 * (low + high) - 0.4 * bake.extent_m() * light.direction
         }
         _ => light.position,
     }

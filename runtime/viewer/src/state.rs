@@ -1,7 +1,7 @@
 //! Everything that a user can change, as plain data: the same state gives the same picture, with a window or without.
 
+use crate::open_bake::OpenBake;
 use crate::options::Specular;
-use crate::session::Session;
 use crate::tone::ToneMap;
 use crate::viewpoint::Viewpoint;
 use crate::views::ViewKind;
@@ -171,11 +171,11 @@ pub struct OverlayState {
 pub const PROBE_SIZE: f32 = 0.06;
 
 impl ViewState {
-    /// A session's first picture: one of its cameras, under a lighting.
-    pub fn new(session: &Session<'_>, camera: usize, lighting: &Lighting) -> Self {
-        let camera = &session.cameras[camera.min(session.cameras.len() - 1)];
+    /// The first picture: one of the scene's cameras, under a lighting.
+    pub fn new(bake: &OpenBake<'_>, camera: usize, lighting: &Lighting) -> Self {
+        let camera = &bake.cameras[camera.min(bake.cameras.len() - 1)];
         Self {
-            viewpoint: Viewpoint::of_camera(camera, focus_m(session, camera)),
+            viewpoint: Viewpoint::of_camera(camera, focus_m(bake, camera)),
             lights: lighting.lights.iter().cloned().map(SceneLight::new).collect(),
             sky: Arc::new(lighting.sky.clone()),
             materials: lighting.materials.clone(),
@@ -199,10 +199,10 @@ impl ViewState {
         self.overlays.selected_light = None;
     }
 
-    /// Goes to a camera of the session.
-    pub fn go_to(&mut self, session: &Session<'_>, camera: usize) {
-        if let Some(camera) = session.cameras.get(camera) {
-            self.viewpoint = Viewpoint::of_camera(camera, focus_m(session, camera));
+    /// Goes to a camera of the scene, or to the one that shows all of it.
+    pub fn go_to(&mut self, bake: &OpenBake<'_>, camera: usize) {
+        if let Some(camera) = bake.cameras.get(camera) {
+            self.viewpoint = Viewpoint::of_camera(camera, focus_m(bake, camera));
         }
     }
 
@@ -230,9 +230,9 @@ impl ViewState {
 }
 
 /// Distance of what is in the middle of a camera's picture.
-fn focus_m(session: &Session<'_>, camera: &localprt_scenes::Camera) -> f32 {
+fn focus_m(bake: &OpenBake<'_>, camera: &localprt_scenes::Camera) -> f32 {
     let at = Viewpoint::of_camera(camera, 1.0);
-    session.caster.closest_hit(at.eye(), at.ahead()).map_or(0.5 * session.extent_m(), |hit| hit.t)
+    bake.caster.closest_hit(at.eye(), at.ahead()).map_or(0.5 * bake.extent_m(), |hit| hit.t)
 }
 
 /// Of new lights.
@@ -273,8 +273,8 @@ const NEW_AHEAD: f32 = 0.7;
 const NEW_BESIDE: f32 = 0.12;
 
 /// A place before the eye, so many [`NEW_BESIDE`] to the right, and the radius of a ball there; metres.
-fn place(session: &Session<'_>, viewpoint: &Viewpoint, steps_right: f32) -> (Vec3, f32) {
-    let (low, high) = session.bounds;
+fn place(bake: &OpenBake<'_>, viewpoint: &Viewpoint, steps_right: f32) -> (Vec3, f32) {
+    let (low, high) = bake.bounds;
     let ahead_m = NEW_AHEAD * viewpoint.focus_m;
     let beside_m = steps_right * NEW_BESIDE * ahead_m;
     let at = viewpoint.eye() + ahead_m * viewpoint.ahead() + beside_m * viewpoint.right();
@@ -283,25 +283,25 @@ fn place(session: &Session<'_>, viewpoint: &Viewpoint, steps_right: f32) -> (Vec
 
 impl Ball {
     /// One that moves, left of the middle.
-    pub fn new(session: &Session<'_>, viewpoint: &Viewpoint) -> Self {
-        let (center, radius_m) = place(session, viewpoint, -1.0);
+    pub fn new(bake: &OpenBake<'_>, viewpoint: &Viewpoint) -> Self {
+        let (center, radius_m) = place(bake, viewpoint, -1.0);
         Self { center, radius_m, circles: true }
     }
 }
 
 impl LitObject {
     /// A white one that moves, right of the middle.
-    pub fn new(session: &Session<'_>, viewpoint: &Viewpoint) -> Self {
-        let (center, radius_m) = place(session, viewpoint, 1.0);
+    pub fn new(bake: &OpenBake<'_>, viewpoint: &Viewpoint) -> Self {
+        let (center, radius_m) = place(bake, viewpoint, 1.0);
         Self { center, radius_m, albedo: Vec3::splat(0.8), emission: Vec3::ZERO, circles: true }
     }
 }
 
 impl Door {
     /// Two thirds as high as the scene, standing on its floor far to the right, swinging.
-    pub fn new(session: &Session<'_>, viewpoint: &Viewpoint) -> Self {
-        let (at, _) = place(session, viewpoint, 2.0);
-        let (low, high) = session.bounds;
+    pub fn new(bake: &OpenBake<'_>, viewpoint: &Viewpoint) -> Self {
+        let (at, _) = place(bake, viewpoint, 2.0);
+        let (low, high) = bake.bounds;
         let height = 0.67 * (high.y - low.y);
         Self {
             hinge: Vec3::new(at.x, low.y, at.z),

@@ -2,9 +2,9 @@
 
 use crate::app::App;
 use crate::gizmo::{Drag, axis_under, drag_along};
+use crate::open_bake::OpenBake;
 use crate::panel::{Figures, legend};
 use crate::scene_overlays::{gizmo_size_m, handle};
-use crate::session::Session;
 use crate::state::{Bounces, Look, ViewState, torch};
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
@@ -53,9 +53,9 @@ pub struct Viewport {
 }
 
 impl Viewport {
-    /// Speeds that suit a session's size.
-    pub fn new(session: &Session<'_>) -> Self {
-        Self { mode: CameraMode::Fly, speed: 0.2 * session.extent_m(), held: None }
+    /// Speeds that suit the scene's size.
+    pub fn new(bake: &OpenBake<'_>) -> Self {
+        Self { mode: CameraMode::Fly, speed: 0.2 * bake.extent_m(), held: None }
     }
 
     /// One frame of input.
@@ -110,7 +110,7 @@ impl Viewport {
             let scrolled = ui.input(|input| input.smooth_scroll_delta().y);
             if scrolled != 0.0 {
                 let share = NOTCH.powf(scrolled / NOTCH_POINTS);
-                app.state.viewpoint.approach(share, 1e-3 * app.session.extent_m());
+                app.state.viewpoint.approach(share, 1e-3 * app.bake.extent_m());
             }
         }
         if response.clicked()
@@ -164,7 +164,7 @@ fn paint_line(painter: &egui::Painter, rect: egui::Rect, text: &str) {
 
 fn paint_light_names(painter: &egui::Painter, rect: egui::Rect, app: &App<'_>) {
     for (index, own) in app.state.lights.iter().enumerate().filter(|(_, own)| own.on && !own.held) {
-        let Some(point) = on_screen(app, rect, handle(app.session, &own.light)) else { continue };
+        let Some(point) = on_screen(app, rect, handle(app.bake, &own.light)) else { continue };
         let is_selected = app.state.overlays.selected_light == Some(index);
         let color = if is_selected { egui::Color32::YELLOW } else { egui::Color32::from_gray(210) };
         let at = point + egui::vec2(9.0, -9.0);
@@ -193,7 +193,7 @@ fn light_under(app: &App<'_>, rect: egui::Rect, point: egui::Pos2) -> Option<usi
     }
     let distance = |index: usize| {
         let own = &app.state.lights[index];
-        let shown = on_screen(app, rect, handle(app.session, &own.light)).filter(|_| own.on && !own.held)?;
+        let shown = on_screen(app, rect, handle(app.bake, &own.light)).filter(|_| own.on && !own.held)?;
         Some(shown.distance(point)).filter(|&distance| distance <= HANDLE_POINTS)
     };
     (0..app.state.lights.len())
@@ -208,7 +208,7 @@ fn take_hold(app: &mut App<'_>, rect: egui::Rect, point: egui::Pos2, ray: (Vec3,
     }
     let is_shown = |&light: &usize| app.state.lights.get(light).is_some_and(|own| own.on && !own.held);
     if let Some(light) = app.state.overlays.selected_light.filter(is_shown) {
-        let start = handle(app.session, &app.state.lights[light].light);
+        let start = handle(app.bake, &app.state.lights[light].light);
         let has_axes = app.state.lights[light].light.kind != LightKind::Directional;
         let axis = axis_under(ray, start, gizmo_size_m(&app.state, start)).filter(|_| has_axes);
         if let Some(axis) = axis {
@@ -217,14 +217,14 @@ fn take_hold(app: &mut App<'_>, rect: egui::Rect, point: egui::Pos2, ray: (Vec3,
     }
     let light = light_under(app, rect, point)?;
     app.state.overlays.selected_light = Some(light);
-    let start = handle(app.session, &app.state.lights[light].light);
+    let start = handle(app.bake, &app.state.lights[light].light);
     let plane = Drag::Plane(app.state.viewpoint.ahead());
     Some(Held { light, drag: plane, start, start_ray: ray })
 }
 
 fn move_light(app: &mut App<'_>, held: &Held, ray: (Vec3, Vec3)) {
     let moved = drag_along(held.drag, held.start, held.start_ray, ray);
-    let (low, high) = app.session.bounds;
+    let (low, high) = app.bake.bounds;
     let Some(own) = app.state.lights.get_mut(held.light).filter(|_| moved.is_finite()) else { return };
     match own.light.kind {
         // Its handle turns around the scene.
@@ -250,14 +250,14 @@ fn pick(app: &mut App<'_>, rect: egui::Rect, point: egui::Pos2, (origin, dir): (
         app.notice = Some(told(app, light));
         return;
     }
-    let hit = app.session.caster.closest_hit(origin, dir);
+    let hit = app.bake.caster.closest_hit(origin, dir);
     let probe = if app.state.overlays.probes { probe_under(app, origin, dir) } else { None };
     if let Some((_, probe)) = probe.filter(|(distance, _)| hit.as_ref().is_none_or(|hit| *distance < hit.t)) {
         app.state.overlays.probe = Some(probe);
         app.notice = Some(format!("probe {probe}"));
         return;
     }
-    let receiver = hit.and_then(|hit| app.session.nearest_receiver(hit.position, hit.normal));
+    let receiver = hit.and_then(|hit| app.bake.nearest_receiver(hit.position, hit.normal));
     app.state.overlays.receiver = receiver;
     app.notice = Some(receiver.map_or_else(
         || "there is no receiver here".into(),
@@ -267,13 +267,13 @@ fn pick(app: &mut App<'_>, rect: egui::Rect, point: egui::Pos2, (origin, dir): (
 
 /// Distance and number of the first probe ball that a ray meets.
 fn probe_under(app: &App<'_>, origin: Vec3, dir: Vec3) -> Option<(f32, u32)> {
-    let radius_m = app.state.overlays.probe_size * app.session.median_support_radius_m();
+    let radius_m = app.state.overlays.probe_size * app.bake.median_support_radius_m();
     let distance = |center: Vec3| {
         let along = (center - origin).dot(dir);
         let beside_2 = (center - origin).length_squared() - along * along;
         (along > 0.0 && beside_2 <= radius_m * radius_m).then(|| along - (radius_m * radius_m - beside_2).sqrt())
     };
-    let probes = app.session.baked.probes.iter().enumerate();
+    let probes = app.bake.baked.probes.iter().enumerate();
     probes
         .filter_map(|(index, probe)| Some((distance(probe.position.into())?, index as u32)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
@@ -381,7 +381,7 @@ fn keys(input: &mut egui::InputState, viewport: &mut Viewport, app: &mut App<'_>
         app.notice = None;
     }
     if pressed(Key::F) {
-        toggle_torch(&mut app.state, app.session.extent_m());
+        toggle_torch(&mut app.state, app.bake.extent_m());
     }
     if pressed(Key::B) {
         app.state.bounces = match app.state.bounces {

@@ -7,7 +7,7 @@ use crate::app::App;
 use crate::daylight::{daylight, is_dark};
 use crate::frame::Renderer;
 use crate::gpu::Gpu;
-use crate::session::{Files, Session};
+use crate::open_bake::{Files, OpenBake};
 use crate::stage::Stage;
 use crate::state::ViewState;
 use crate::window::{self, WindowOptions};
@@ -44,12 +44,12 @@ pub fn run(
     let started = Instant::now();
     // As long as the page.
     let files: &'static Files = Box::leak(Box::new(Files::from_memory(&name, file, &scene_name, &scene)?));
-    let session: &'static Session<'static> = Box::leak(Box::new(Session::new(files)?));
+    let bake: &'static OpenBake<'static> = Box::leak(Box::new(OpenBake::new(files)?));
     let mut lighting = Lighting::of_scene(&files.scene);
     if is_dark(&files.scene, &lighting) {
         lighting = daylight();
     }
-    let app = App::new(session, ViewState::new(session, 0, &lighting), 0, lighting);
+    let app = App::new(bake, ViewState::new(bake, 0, &lighting), 0, lighting);
     let options = WindowOptions {
         size: (canvas.width(), canvas.height()),
         screenshot: None,
@@ -113,15 +113,15 @@ pub async fn picture(
     exposure: f32,
 ) -> Result<Vec<u8>, JsError> {
     let files = Files::from_memory("the baked file", file, &scene_name, &scene)?;
-    let session = Session::new(&files)?;
-    let mut state = ViewState::new(&session, 0, &Lighting::of_scene(&files.scene));
+    let bake = OpenBake::new(&files)?;
+    let mut state = ViewState::new(&bake, 0, &Lighting::of_scene(&files.scene));
     state.look.exposure = Some(exposure);
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let gpu = Gpu::new(instance, None).await?;
-    let stage = Stage::new(&state, session.bounds, 0.0);
-    let mut renderer = Renderer::new(&gpu, &session, &stage.lights, (width, height))?;
+    let stage = Stage::new(&state, bake.bounds, 0.0);
+    let mut renderer = Renderer::new(&gpu, &bake, &stage.lights, (width, height))?;
     for _ in 0..frames.max(1) {
-        renderer.render(&gpu, &session, &state, &stage, &[])?;
+        renderer.render(&gpu, &bake, &state, &stage, &[])?;
     }
     Ok(renderer.target().request_srgb(&gpu.device, &gpu.queue).await?)
 }

@@ -138,7 +138,7 @@ impl<'a> Host<'a> {
     }
 
     fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), CommandError> {
-        let name = self.app.session.files.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = self.app.bake.files.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let attributes = Window::default_attributes().with_title(format!("{name} - localprt viewer"));
         // A page says itself how large its canvas is.
         #[cfg(not(target_arch = "wasm32"))]
@@ -190,7 +190,7 @@ impl<'a> Host<'a> {
         let device = gpu.name();
         self.show(gpu, screen)?;
         if self.n_losses == 0 {
-            tell(&self.app.session.summary(&device, self.options.started.elapsed()));
+            tell(&self.app.bake.summary(&device, self.options.started.elapsed()));
         }
         Ok(())
     }
@@ -199,7 +199,7 @@ impl<'a> Host<'a> {
         let size = screen.size();
         let lights = self.app.stage().lights;
         let size = (size.0.max(1), size.1.max(1));
-        let renderer = Renderer::new(&gpu, self.app.session, &lights, size)?;
+        let renderer = Renderer::new(&gpu, self.app.bake, &lights, size)?;
         let last = Last { at: Instant::now(), picture: None, size: (0, 0), unchanged: 0 };
         screen.window().request_redraw();
         self.shown = Some(Shown { gpu, screen, renderer, last });
@@ -349,14 +349,14 @@ impl Shown {
             self.last.size = size;
         }
         self.renderer.resize(&self.gpu, size);
-        let lines = overlay_lines(app.session, &app.state, &stage);
-        self.renderer.render(&self.gpu, app.session, &app.state, &stage, &lines)
+        let lines = overlay_lines(app.bake, &app.state, &stage);
+        self.renderer.render(&self.gpu, app.bake, &app.state, &stage, &lines)
     }
 
     #[cfg(not(target_arch = "wasm32"))]
     fn save(&mut self, app: &App<'_>, path: &Path) -> Result<(), CommandError> {
         let (width, height) = self.renderer.target().size();
-        let pixels = self.renderer.read_picture(&self.gpu, app.session, &app.state)?;
+        let pixels = self.renderer.read_picture(&self.gpu, app.bake, &app.state)?;
         Ok(write_png(path, width, height, &pixels)?)
     }
 }

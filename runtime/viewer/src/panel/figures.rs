@@ -107,7 +107,7 @@ pub fn figures(ui: &mut egui::Ui, app: &App<'_>, figures: &Figures<'_>) {
 }
 
 fn file(ui: &mut egui::Ui, app: &App<'_>) {
-    let (baked, scene) = (&app.session.baked, app.session.scene());
+    let (baked, scene) = (&app.bake.baked, app.bake.scene());
     let n_receivers = baked.receiver_position.len();
     let coefficients: u64 =
         baked.clusters.iter().map(|cluster| u64::from(cluster.n_coefficients) * u64::from(cluster.n_receivers)).sum();
@@ -121,7 +121,7 @@ fn file(ui: &mut egui::Ui, app: &App<'_>) {
         ("coefficients per receiver", format!("{:.1}", coefficients as f64 / n_receivers.max(1) as f64)),
         ("light map", format!("{0} x {0}", baked.metadata.lightmap_size)),
         ("direct light map", format!("{0} x {0}", baked.metadata.direct_size)),
-        ("file", format!("{:.1} MB", app.session.files.baked.file_bytes() as f64 * 1e-6)),
+        ("file", format!("{:.1} MB", app.bake.files.baked.file_bytes() as f64 * 1e-6)),
     ];
     egui::Grid::new("file").num_columns(2).striped(true).show(ui, |ui| {
         for (what, value) in rows {

@@ -12,7 +12,7 @@ const SPOT: LightKind = LightKind::Spot { inner_cone: 0.3, outer_cone: 0.6 };
 
 pub fn lights(ui: &mut egui::Ui, app: &mut App<'_>) {
     presets(ui, app);
-    let extent_m = app.session.extent_m();
+    let extent_m = app.bake.extent_m();
     let state = &mut app.state;
     let mut selected = state.overlays.selected_light;
     egui::ScrollArea::vertical().id_salt("lights").max_height(140.0).show(ui, |ui| {
@@ -61,7 +61,7 @@ fn presets(ui: &mut egui::Ui, app: &mut App<'_>) {
         }
         let own = ui.button("The scene's own").on_hover_text("its lights under a black sky");
         if own.clicked() {
-            app.state.set_lighting(&Lighting::of_scene(app.session.scene()));
+            app.state.set_lighting(&Lighting::of_scene(app.bake.scene()));
         }
         if ui.button("None").clicked() {
             app.state.lights.clear();

@@ -13,7 +13,7 @@ pub fn materials(ui: &mut egui::Ui, app: &mut App<'_>) {
             state.materials.clear();
         }
     });
-    for material in &app.session.scene().materials {
+    for material in &app.bake.scene().materials {
         let is_changed = state.materials.contains_key(&material.name);
         let title = if is_changed { format!("{} *", material.name) } else { material.name.clone() };
         egui::CollapsingHeader::new(title).id_salt(&material.name).show(ui, |ui| {

@@ -18,7 +18,7 @@ use glam::Vec3;
 
 /// The whole panel.
 pub fn panel(ui: &mut egui::Ui, app: &mut App<'_>, figures: &Figures<'_>) {
-    let name = app.session.files.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = app.bake.files.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     ui.horizontal(|ui| {
         ui.heading(name);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -48,7 +48,7 @@ fn section(ui: &mut egui::Ui, title: &str, is_open: bool, contents: impl FnOnce(
 
 fn camera(ui: &mut egui::Ui, app: &mut App<'_>) {
     ui.horizontal_wrapped(|ui| {
-        for (index, camera) in app.session.cameras.iter().enumerate() {
+        for (index, camera) in app.bake.cameras.iter().enumerate() {
             let name = if camera.name.is_empty() { format!("camera {index}") } else { camera.name.clone() };
             if ui.button(name).clicked() {
                 app.go_to_camera(index);
@@ -59,7 +59,7 @@ fn camera(ui: &mut egui::Ui, app: &mut App<'_>) {
         ui.selectable_value(&mut app.viewport.mode, CameraMode::Fly, "fly");
         ui.selectable_value(&mut app.viewport.mode, CameraMode::Orbit, "orbit");
     });
-    let extent_m = app.session.extent_m();
+    let extent_m = app.bake.extent_m();
     ui.add(
         slider(&mut app.viewport.speed, 0.005 * extent_m..=2.0 * extent_m)
             .logarithmic(true)

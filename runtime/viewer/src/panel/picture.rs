@@ -11,7 +11,7 @@ pub fn picture(ui: &mut egui::Ui, app: &mut App<'_>) {
     let shown = app.state.look.view;
     egui::ComboBox::from_label("view").selected_text(shown.name()).show_ui(ui, |ui| {
         for (index, view) in ViewKind::ALL.into_iter().enumerate() {
-            let is_there = check_view(app.session, view).is_ok();
+            let is_there = check_view(app.bake, view).is_ok();
             let label = format!("{}  {}", index + 1, view.name());
             let choice = ui.add_enabled(is_there, egui::Button::selectable(view == shown, label));
             let choice = choice

@@ -17,7 +17,7 @@ pub fn sky(ui: &mut egui::Ui, app: &mut App<'_>) {
             ui.add(slider.smallest_positive(1e-4).text("lux"));
         }
         None if ui.button("Add a sun").clicked() => {
-            let sun = new_light(LightKind::Directional, &state.viewpoint, app.session.extent_m());
+            let sun = new_light(LightKind::Directional, &state.viewpoint, app.bake.extent_m());
             state.lights.push(SceneLight::new(sun));
         }
         None => {}

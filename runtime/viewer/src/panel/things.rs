@@ -8,17 +8,17 @@ use localprt_runtime::MAX_OCCLUDERS;
 
 pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
     ui.checkbox(&mut app.state.animate, "animation").on_hover_text("Space");
-    if app.session.baked.ray_distance.is_empty() {
+    if app.bake.baked.ray_distance.is_empty() {
         ui.label("This file has no ray distances: balls and door throw shadows, but block no indirect light.");
     }
-    let (session, extent_m) = (app.session, app.session.extent_m());
+    let (bake, extent_m) = (app.bake, app.bake.extent_m());
     let state = &mut app.state;
     let viewpoint = state.viewpoint;
 
     ui.separator();
     let most = MAX_OCCLUDERS - usize::from(state.door.is_some());
     if ui.add_enabled(state.balls.len() < most, egui::Button::new("Add a black ball")).clicked() {
-        state.balls.push(Ball::new(session, &viewpoint));
+        state.balls.push(Ball::new(bake, &viewpoint));
     }
     let mut removed = None;
     for (index, ball) in state.balls.iter_mut().enumerate() {
@@ -41,7 +41,7 @@ pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
     let mut has_door = state.door.is_some();
     let may_have_door = has_door || state.balls.len() < MAX_OCCLUDERS;
     if ui.add_enabled(may_have_door, egui::Checkbox::new(&mut has_door, "door")).changed() {
-        state.door = has_door.then(|| Door::new(session, &viewpoint));
+        state.door = has_door.then(|| Door::new(bake, &viewpoint));
     }
     if let Some(door) = &mut state.door {
         door_sliders(ui, door, extent_m);
@@ -50,7 +50,7 @@ pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
     ui.separator();
     let mut has_object = state.object.is_some();
     if ui.checkbox(&mut has_object, "lit ball").on_hover_text("shows the light of the place where it is").changed() {
-        state.object = has_object.then(|| LitObject::new(session, &viewpoint));
+        state.object = has_object.then(|| LitObject::new(bake, &viewpoint));
     }
     if let Some(object) = &mut state.object {
         vector(ui, "center, m", &mut object.center, 2e-3 * extent_m);
@@ -58,7 +58,7 @@ pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
         radiance(ui, "albedo", &mut object.albedo, 1.0);
         radiance(ui, "emission", &mut object.emission, 1e3);
         ui.checkbox(&mut object.circles, "moves");
-        if app.session.baked.volume.is_none() {
+        if app.bake.baked.volume.is_none() {
             ui.label("This file has no volume: the ball is lit by the probes around it, which know no walls.");
         }
     }

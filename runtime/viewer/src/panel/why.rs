@@ -2,8 +2,8 @@
 
 use super::slider;
 use crate::app::App;
+use crate::open_bake::OpenBake;
 use crate::overlay_shapes::supporting_probes;
-use crate::session::Session;
 
 pub fn why(ui: &mut egui::Ui, app: &mut App<'_>) {
     let overlays = &mut app.state.overlays;
@@ -12,7 +12,7 @@ pub fn why(ui: &mut egui::Ui, app: &mut App<'_>) {
         ui.add(slider(&mut overlays.probe_size, 0.01..=0.3).logarithmic(true).text("size"));
     });
     if let Some(index) = overlays.probe {
-        probe(ui, app.session, index);
+        probe(ui, app.bake, index);
         ui.checkbox(&mut app.state.overlays.rays, "its relight rays").on_hover_text("Y");
     }
     match app.state.overlays.receiver {
@@ -23,9 +23,9 @@ pub fn why(ui: &mut egui::Ui, app: &mut App<'_>) {
     }
 }
 
-fn probe(ui: &mut egui::Ui, session: &Session<'_>, index: u32) {
-    let Some(probe) = session.baked.probes.get(index as usize) else { return };
-    let n_clusters = session.baked.cluster_probes.iter().filter(|&&probe| probe == index).count();
+fn probe(ui: &mut egui::Ui, bake: &OpenBake<'_>, index: u32) {
+    let Some(probe) = bake.baked.probes.get(index as usize) else { return };
+    let n_clusters = bake.baked.cluster_probes.iter().filter(|&&probe| probe == index).count();
     let [x, y, z] = probe.position;
     ui.label(format!(
         "probe {index}: {x:.2}, {y:.2}, {z:.2}; support radius {:.2} m; in {n_clusters} clusters",
@@ -34,8 +34,8 @@ fn probe(ui: &mut egui::Ui, session: &Session<'_>, index: u32) {
 }
 
 fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
-    let baked = &app.session.baked;
-    let cluster = cluster_of(app.session, index);
+    let baked = &app.bake.baked;
+    let cluster = cluster_of(app.bake, index);
     let unseen = baked.receiver_unseen.get(index as usize).copied().unwrap_or(0.0);
     ui.label(format!("receiver {index}: unseen {:.1} %", 100.0 * unseen));
     if let Some((number, coefficients, receivers)) = cluster {
@@ -68,8 +68,8 @@ fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
 }
 
 /// Number, coefficients and receivers of a receiver's cluster.
-fn cluster_of(session: &Session<'_>, receiver: u32) -> Option<(usize, u32, u32)> {
-    let clusters = session.baked.clusters;
+fn cluster_of(bake: &OpenBake<'_>, receiver: u32) -> Option<(usize, u32, u32)> {
+    let clusters = bake.baked.clusters;
     // Receivers of a cluster follow each other.
     let number = clusters.partition_point(|cluster| cluster.first_receiver <= receiver).checked_sub(1)?;
     let cluster = &clusters[number];

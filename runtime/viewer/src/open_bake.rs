@@ -72,7 +72,7 @@ fn reference_beside(path: &Path, baked: &Baked) -> (Option<ReferenceFile>, Optio
 }
 
 /// Files with what the passes and the mouse need of them.
-pub struct Session<'a> {
+pub struct OpenBake<'a> {
     /// The files.
     pub files: &'a Files,
     /// The baked file's arrays.
@@ -89,7 +89,7 @@ pub struct Session<'a> {
     pub bounds: (Vec3, Vec3),
 }
 
-impl<'a> Session<'a> {
+impl<'a> OpenBake<'a> {
     /// Prepares files.
     ///
     /// # Errors
