@@ -15,8 +15,8 @@ use crate::{
         AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen,
         VolumeFacts, hex, peak_rss_bytes,
     },
-    settings::BakeSettings,
-    transport::{GatherSet, RayCounts, TransportScene},
+    settings::{BakeSettings, Transport},
+    transport::{FitScene, GatherSet, RayCounts, TransportScene},
     volume::{self, VolumeCells},
     voxels::{self, VoxelGrid},
 };
@@ -124,6 +124,14 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
     let sky_basis = sh::Basis::new(settings.sky_degree);
     let gather = GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed);
+    let fit = match settings.transport {
+        Transport::Paper => None,
+        Transport::Fitted => {
+            let _stage = progress.stage("fit", 0);
+            Some(FitScene::new(&caster, &atlas, &receivers, &probes, settings.relight_rays, &probe_basis))
+        }
+    };
+    progress.check()?;
     let transport = TransportScene {
         caster: &caster,
         receivers: &receivers,
@@ -132,6 +140,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         gather: &gather,
         probe_basis: &probe_basis,
         sky_basis: &sky_basis,
+        fit: fit.as_ref(),
     };
     let refining = RefineSettings {
         threshold: f64::from(settings.threshold),
@@ -237,7 +246,7 @@ fn local_transport(
         .par_iter()
         .map(|members| {
             progress.check()?;
-            let rows = transport.rows(members);
+            let rows = transport.rows(&transport.leaf(members), members);
             let rays = rows.rays;
             let clusters = refine(members, positions, rows, refining);
             stage.inc(members.len() as u64);

@@ -59,6 +59,8 @@ pub struct BakeSettings {
     pub gather_rays: u32,
     /// Relight rays per probe (SL17 4.2).
     pub relight_rays: u32,
+    /// How transport rows are made.
+    pub transport: Transport,
     /// Spacing in metres of a volume for objects that move, over the scene box; absent: no volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<f32>,
@@ -77,6 +79,17 @@ pub struct BakeSettings {
     /// The bake fails (exit code 7) when the mean unseen share exceeds this, 0..=1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_unseen: Option<f32>,
+}
+
+/// How transport rows are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Transport {
+    /// Probes that see a point are blended by distance (SL17 Eq. 4).
+    Paper,
+    /// Fitted to smooth light on the surfaces around: the same size, a fraction of the error.
+    #[default]
+    Fitted,
 }
 
 /// Who makes lightmap coordinates.
@@ -110,6 +123,7 @@ impl Default for BakeSettings {
             direct_map: 2048,
             gather_rays: 1024,
             relight_rays: 8000,
+            transport: Transport::Fitted,
             volume: None,
             volume_degree: 1,
             leaf: 1024,

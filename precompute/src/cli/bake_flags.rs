@@ -1,7 +1,7 @@
 //! One flag per option of a bake.
 
 use clap::{Args, ValueEnum};
-use localprt_precompute::settings::{Preset, UnwrapBackend};
+use localprt_precompute::settings::{Preset, Transport, UnwrapBackend};
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -84,6 +84,10 @@ pub struct BakeFlags {
     #[arg(long, value_name = "N", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     gather_rays: Option<u32>,
+    /// How transport rows are made
+    #[arg(long, value_enum, help_heading = "Receivers")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    transport: Option<TransportName>,
     /// Who makes lightmap coordinates where the scene has no usable TEXCOORD_1
     #[arg(long, value_enum, help_heading = "Receivers")]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -148,6 +152,25 @@ impl From<PresetName> for Preset {
             PresetName::Medium => Self::Medium,
             PresetName::Production => Self::Production,
         }
+    }
+}
+
+/// `--transport`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum TransportName {
+    /// Probes that see a point are blended by distance
+    Paper,
+    /// Fitted to smooth light on the surfaces around: same size and speed, a fraction of the error
+    Fitted,
+}
+
+impl Serialize for TransportName {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Paper => Transport::Paper,
+            Self::Fitted => Transport::Fitted,
+        }
+        .serialize(serializer)
     }
 }
 

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 pub const FLAG_LAYER: &str = "command line";
 
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 25] = [
+const KEYS: [&str; 26] = [
     "spacing",
     "probes",
     "voxel",
@@ -25,6 +25,7 @@ const KEYS: [&str; 25] = [
     "direct_map",
     "gather_rays",
     "relight_rays",
+    "transport",
     "volume",
     "volume_degree",
     "leaf",
@@ -136,6 +137,20 @@ impl BakeSettings {
         Ok(settings)
     }
 
+    /// The options that a baked file was made with, from the text in its metadata. Files from before rows were fitted do not
+    /// name their transport: it is the paper's.
+    ///
+    /// # Errors
+    /// [`SettingsError`], its layer the options of the bake.
+    pub fn of_file(options: &str) -> Result<Self, SettingsError> {
+        let layer = "options of the bake";
+        let mut flags = Table::new();
+        if !parse(layer, options)?.contains_key("transport") {
+            flags.insert("transport".into(), Value::String("paper".into()));
+        }
+        Self::resolve(Preset::Production, Some((layer, options)), &flags)
+    }
+
     /// The text of a configuration file with these settings: [`BakeSettings::resolve`] reads it back to the same.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).unwrap_or_default()
@@ -206,7 +221,7 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::UnwrapBackend;
+    use crate::settings::{Transport, UnwrapBackend};
 
     fn full() -> BakeSettings {
         BakeSettings {
@@ -238,6 +253,14 @@ mod tests {
             assert_eq!(read.expect("valid"), settings, "{text}");
         }
         assert!(BakeSettings::default().to_toml().contains("threshold = 0.005\n"));
+    }
+
+    #[test]
+    fn files_that_do_not_name_their_transport_have_the_papers() {
+        let settings = BakeSettings::of_file("probe_degree = 4").expect("valid");
+        assert_eq!((settings.transport, settings.probe_degree), (Transport::Paper, 4));
+        let settings = BakeSettings::of_file(&BakeSettings::default().to_toml()).expect("valid");
+        assert_eq!(settings, BakeSettings::default());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
-use super::{Domain, RayCounts, TransportScene};
+use super::{Domain, RayCounts, TransportScene, fit::Surface};
 use crate::rays::{OccluderHint, frame};
 use glam::Vec3;
 use localprt_formats::{
@@ -16,11 +16,32 @@ const LEAST_WEIGHT: f32 = 1e-6;
 pub(super) struct Workspace {
     /// `[n_k]` rows.
     pub outputs: Vec<OutputSums>,
+    /// What the fit needs, where rows are fitted.
+    pub found: Found,
     weights: Vec<f32>,
     visible: Vec<(u32, Vec3)>,
     hints: Vec<OccluderHint>,
     batches: Vec<Batch>,
     sky: Batch,
+}
+
+/// What the rays of a receiver found, for the fit.
+#[derive(Default)]
+pub(super) struct Found {
+    /// Surface points that a supporting probe sees.
+    pub hits: Vec<SeenHit>,
+    /// `[n_hits][n_k]` weights of their rays in each output.
+    pub hit_weights: Vec<f32>,
+    /// `[n_supporting]` weight kernel times the share of the surface points that the probe sees, cosine-weighted.
+    pub seen_weights: Vec<f32>,
+}
+
+/// A surface point that a receiver and a supporting probe see.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SeenHit {
+    pub position: Vec3,
+    pub normal: Vec3,
+    pub surface: Surface,
 }
 
 /// One row of a receiver before it is spread over its leaf's columns.
@@ -108,6 +129,11 @@ pub(super) fn receiver_rows(
 
     workspace.hints.clear();
     workspace.hints.resize(support.len(), OccluderHint::default());
+    workspace.found.hits.clear();
+    workspace.found.hit_weights.clear();
+    workspace.found.seen_weights.clear();
+    workspace.found.seen_weights.resize(support.len(), 0.0);
+    let mut surfaces = 0.0;
     let mut unseen = 0.0f64;
     let mut rays = RayCounts::default();
     for local in gather.directions() {
@@ -122,10 +148,10 @@ pub(super) fn receiver_rows(
             workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
             continue;
         };
-        if hit.point.is_none() {
-            // The back of a one-sided surface is black.
-            continue;
-        }
+        // The back of a one-sided surface is black.
+        let Some(point) = hit.point else { continue };
+        let share = gather.cosine_share(dir.dot(normal).max(0.0));
+        surfaces += share;
         // V_i: the probe sees that side of that point.
         let seen_point = hit.position + hit.normal * caster.offset_m();
         workspace.visible.clear();
@@ -142,14 +168,24 @@ pub(super) fn receiver_rows(
             }
         }
         if sum <= LEAST_WEIGHT {
-            unseen += f64::from(gather.cosine_share(dir.dot(normal).max(0.0)));
+            unseen += f64::from(share);
             continue;
+        }
+        if let Some(fit) = scene.fit {
+            let surface = fit.surface(caster, &point);
+            workspace.found.hits.push(SeenHit { position: hit.position, normal: hit.normal, surface });
+            workspace.found.hit_weights.extend_from_slice(&workspace.weights);
         }
         for &(slot, psi) in &workspace.visible {
             let slot = slot as usize;
+            workspace.found.seen_weights[slot] += share;
             // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
             workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
         }
+    }
+
+    for (weight, &(_, kernel)) in workspace.found.seen_weights.iter_mut().zip(&probes) {
+        *weight *= kernel / surfaces.max(f32::MIN_POSITIVE);
     }
 
     workspace.outputs.resize_with(n_k, OutputSums::default);

@@ -5,11 +5,13 @@
 //! of weights from probe radiance to irradiance (Eq. 7) or to receiver radiance (Eqs. 8, 9). Rays that leave the scene
 //! fill the sky columns: the sky is a virtual probe of infinite support. Receivers of a volume gather over the whole sphere.
 
+pub mod fit;
 mod gather;
 mod kernel;
 #[cfg(test)]
 mod tests;
 
+pub use fit::{FitScene, LeafFit};
 pub use gather::{Domain, GatherSet};
 
 use crate::{
@@ -17,7 +19,8 @@ use crate::{
     probes::{ProbeSet, Support},
     rays::RayCaster,
 };
-use localprt_formats::sh;
+use glam::Vec3;
+use localprt_formats::{sh, weight::weight_kernel};
 
 /// What transport rows are made from; the same for all leaves of a bake.
 pub struct TransportScene<'a> {
@@ -35,6 +38,15 @@ pub struct TransportScene<'a> {
     pub probe_basis: &'a sh::Basis,
     /// SH of the sky columns.
     pub sky_basis: &'a sh::Basis,
+    /// What rows are fitted with; `None` for the paper's rows.
+    pub fit: Option<&'a FitScene>,
+}
+
+/// A leaf of receivers: the columns that their rows share, and what they are fitted with.
+pub struct TransportLeaf {
+    /// Union of the members' supporting probes, rising.
+    probes: Vec<u32>,
+    fit: Option<LeafFit>,
 }
 
 /// Transport rows of some receivers.
@@ -50,6 +62,9 @@ pub struct TransportRows {
     pub rows: Vec<f32>,
     /// `[n_members]` cosine-weighted share of directions whose surface no supporting probe sees.
     pub unseen: Vec<f32>,
+    /// `[n_members * n_k]` predicted variance of what each row gets wrong of a field of variance 1 (F4); empty for the
+    /// paper's rows.
+    pub variance: Vec<f32>,
     /// Rays traced.
     pub rays: RayCounts,
 }
@@ -71,31 +86,60 @@ impl std::ops::AddAssign for RayCounts {
 }
 
 impl TransportScene<'_> {
-    /// Transport rows of the receivers `members`, in that order. A pure function of its arguments.
-    pub fn rows(&self, members: &[u32]) -> TransportRows {
+    /// The leaf of the receivers `members`. A pure function of its arguments.
+    pub fn leaf(&self, members: &[u32]) -> TransportLeaf {
         let mut probes: Vec<u32> =
             members.iter().flat_map(|&member| self.support.of(member as usize)).copied().collect();
         probes.sort_unstable();
         probes.dedup();
+        let fit = self.fit.map(|fit| {
+            let place = |&member: &u32| self.receivers.position[member as usize];
+            let bounds = members
+                .iter()
+                .map(place)
+                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
+            let mut weights = vec![0.0; probes.len()];
+            for &member in members {
+                let (position, radius) = (place(&member), self.support.radius_m[member as usize]);
+                for id in self.support.of(member as usize) {
+                    let probe = self.probes.positions[*id as usize];
+                    let at = probes.binary_search(id).expect("probe is in the union");
+                    weights[at] += weight_kernel(position.distance(probe) / radius) / members.len() as f32;
+                }
+            }
+            fit.leaf(bounds, &probes, &weights, self.probe_basis.len())
+        });
+        TransportLeaf { probes, fit }
+    }
+
+    /// Transport rows of the receivers `members` of a leaf, some or all of them, in that order. A pure function of its
+    /// arguments; the rows of a receiver do not depend on the other members asked for.
+    pub fn rows(&self, leaf: &TransportLeaf, members: &[u32]) -> TransportRows {
+        let probes = leaf.probes.clone();
         let n_sh = self.probe_basis.len();
         let n_columns = probes.len() * n_sh + self.sky_basis.len();
         let n_k = self.gather.n_outputs();
         let mut rows = vec![0.0; members.len() * n_k * n_columns];
         let mut unseen = Vec::with_capacity(members.len());
+        let mut variance = Vec::new();
         let mut rays = RayCounts::default();
         let mut workspace = kernel::Workspace::default();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let receiver = kernel::receiver_rows(self, member as usize, &mut workspace);
             unseen.push(receiver.unseen);
             rays += receiver.rays;
+            let support = self.support.of(member as usize);
+            if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
+                variance.extend(fit.correct(support, &workspace.found, &mut workspace.outputs));
+            }
             for (row, sums) in rows.chunks_exact_mut(n_columns).zip(&workspace.outputs) {
-                for (slot, id) in self.support.of(member as usize).iter().enumerate() {
+                for (slot, id) in support.iter().enumerate() {
                     let at = probes.binary_search(id).expect("probe is in the union") * n_sh;
                     row[at..at + n_sh].copy_from_slice(&sums.probes[slot * n_sh..(slot + 1) * n_sh]);
                 }
                 row[probes.len() * n_sh..].copy_from_slice(&sums.sky);
             }
         }
-        TransportRows { probes, n_columns, n_k, rows, unseen, rays }
+        TransportRows { probes, n_columns, n_k, rows, unseen, variance, rays }
     }
 }

@@ -7,7 +7,7 @@ use localprt_scenes::{Material, Mesh, Scene};
 use std::f32::consts::PI;
 
 /// A box with its faces turned inwards; `skip` leaves out the face `[axis, sign]`.
-fn room(half: Vec3, skip: Option<(usize, f32)>) -> Scene {
+pub(super) fn room(half: Vec3, skip: Option<(usize, f32)>) -> Scene {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
         for sign in [-1.0f32, 1.0] {
@@ -33,14 +33,14 @@ fn room(half: Vec3, skip: Option<(usize, f32)>) -> Scene {
 }
 
 /// Rows of receivers given as `(position, normal)` with every probe supporting each.
-struct Setup {
+pub(super) struct Setup {
     receivers: ReceiverSet,
     probes: ProbeSet,
     support: Support,
 }
 
 impl Setup {
-    fn new(receivers: &[(Vec3, Vec3)], probes: &[Vec3], radius_m: f32) -> Self {
+    pub(super) fn new(receivers: &[(Vec3, Vec3)], probes: &[Vec3], radius_m: f32) -> Self {
         let n = receivers.len();
         Self {
             receivers: ReceiverSet {
@@ -60,30 +60,53 @@ impl Setup {
         }
     }
 
-    fn rows(&self, scene: &Scene, gather: &GatherSet, probe_degree: u32, sky_degree: u32) -> TransportRows {
+    pub(super) fn rows(&self, scene: &Scene, gather: &GatherSet, probe_degree: u32, sky_degree: u32) -> TransportRows {
+        self.with(scene, gather, [probe_degree, sky_degree], false, |transport, members| {
+            transport.rows(&transport.leaf(members), members)
+        })
+    }
+
+    /// What `look` finds in the transport stage, with fitted rows or the paper's, and all receivers. `degrees` are those of
+    /// the probes and of the sky.
+    pub(super) fn with<T>(
+        &self,
+        scene: &Scene,
+        gather: &GatherSet,
+        degrees: [u32; 2],
+        fitted: bool,
+        look: impl FnOnce(&TransportScene<'_>, &[u32]) -> T,
+    ) -> T {
         let caster = RayCaster::new(scene).expect("tree");
         let members: Vec<u32> = (0..self.receivers.len() as u32).collect();
-        TransportScene {
+        let [probe_basis, sky_basis] = degrees.map(sh::Basis::new);
+        let atlas = crate::lightmap::Atlas::default();
+        let fit =
+            fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
+        let transport = TransportScene {
             caster: &caster,
             receivers: &self.receivers,
             probes: &self.probes,
             support: &self.support,
             gather,
-            probe_basis: &sh::Basis::new(probe_degree),
-            sky_basis: &sh::Basis::new(sky_degree),
-        }
-        .rows(&members)
+            probe_basis: &probe_basis,
+            sky_basis: &sky_basis,
+            fit: fit.as_ref(),
+        };
+        look(&transport, &members)
     }
 }
 
-fn some_probes(n: u64, half: Vec3) -> Vec<Vec3> {
+/// Relight rays of the fit.
+const RELIGHT_RAYS: u32 = 2000;
+
+pub(super) fn some_probes(n: u64, half: Vec3) -> Vec<Vec3> {
     (0..n)
         .map(|i| (Vec3::from([0, 1, 2].map(|axis| counter_uniform(3, i, axis) as f32)) * 2.0 - 1.0) * half * 0.9)
         .collect()
 }
 
 /// Receivers on the floor, on a wall and askew in the room.
-fn some_receivers(half: Vec3) -> [(Vec3, Vec3); 3] {
+pub(super) fn some_receivers(half: Vec3) -> [(Vec3, Vec3); 3] {
     [
         (Vec3::new(0.3, -1.0, 0.2) * half, Vec3::Y),
         (Vec3::new(-1.0, 0.1, -0.4) * half, Vec3::X),

@@ -33,7 +33,7 @@ use crate::{
     progress::{Cancelled, Progress},
     rays::{SurfaceHit, frame},
     relight::direct_irradiance,
-    transport::{GatherSet, TransportScene},
+    transport::{GatherSet, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
 use localprt_formats::{
@@ -69,6 +69,8 @@ pub struct TruthLeg {
 pub struct LastLeg {
     /// Transport row times probe radiance.
     pub uncompressed: Vec3,
+    /// The paper's row (Eqs. 4, 7) times probe radiance: the same as `uncompressed` in a file whose rows are not fitted.
+    pub paper: Vec3,
     /// Eq. (1).
     pub spatial: Vec3,
     /// The idealized comparator.
@@ -91,7 +93,9 @@ pub fn last_leg(
 ) -> Result<Vec<LastLeg>, Cancelled> {
     let leg = Leg::new(subject, lit, lighting);
     let rays = GatherSet::new(subject.settings.gather_rays.max(LEAST_RAYS), 0, subject.settings.seed);
-    each("uncompressed and comparators", receivers, progress, |receiver| leg.methods(receiver, &rays))
+    each("uncompressed and comparators", subject, receivers, progress, |index, leaf| {
+        leg.methods(receivers[index], &rays, leaf)
+    })
 }
 
 /// Walks from the truth to the transport row at some receivers, given in file order, with their path traced first bounce.
@@ -109,26 +113,38 @@ pub fn truth_leg(
     let leg = Leg::new(subject, lit, lighting);
     let cosine = GatherSet::new(DENSE_RAYS, 0, subject.settings.seed);
     let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed);
-    let places: Vec<u32> = (0..receivers.len() as u32).collect();
-    each("parts of the error", &places, progress, |place| {
-        leg.truth(receivers[place as usize], first_bounce[place as usize], &cosine, &of_bake)
+    each("parts of the error", subject, receivers, progress, |index, leaf| {
+        leg.truth(receivers[index], first_bounce[index], &cosine, &of_bake, leaf)
     })
 }
 
-fn each<T: Send>(
+/// Results by index into `receivers`, worked on leaf by leaf.
+pub(super) fn each<T: Send + Clone + Default>(
     name: &str,
+    subject: &Subject<'_>,
     receivers: &[u32],
     progress: &Progress,
-    at: impl Fn(u32) -> T + Sync,
+    at: impl Fn(usize, &TransportLeaf) -> T + Sync,
 ) -> Result<Vec<T>, Cancelled> {
     let stage = progress.stage(name, receivers.len() as u64);
-    let found = receivers.par_iter().map(|&receiver| {
+    let transport = subject.transport();
+    let of_leaf = |(members, indices): &(&[u32], Vec<usize>)| {
         progress.check()?;
-        let found = at(receiver);
-        stage.inc(1);
-        Ok(found)
-    });
-    found.collect()
+        let leaf = transport.leaf(members);
+        let found = indices.par_iter().map(|&index| {
+            progress.check()?;
+            let found = at(index, &leaf);
+            stage.inc(1);
+            Ok((index, found))
+        });
+        found.collect::<Result<Vec<_>, Cancelled>>()
+    };
+    let by_leaf = subject.by_leaf(receivers).par_iter().map(of_leaf).collect::<Result<Vec<_>, Cancelled>>()?;
+    let mut results = vec![T::default(); receivers.len()];
+    for (index, found) in by_leaf.into_iter().flatten() {
+        results[index] = found;
+    }
+    Ok(results)
 }
 
 struct Leg<'a> {
@@ -150,7 +166,7 @@ impl<'a> Leg<'a> {
         }
     }
 
-    fn methods(&self, receiver: u32, rays: &GatherSet) -> LastLeg {
+    fn methods(&self, receiver: u32, rays: &GatherSet, leaf: &TransportLeaf) -> LastLeg {
         let radius = self.subject.radius_m(receiver);
         let probes = self.probes(receiver);
         let mut near_light = DVec3::ZERO;
@@ -169,15 +185,24 @@ impl<'a> Leg<'a> {
         let blended = self.blended(receiver, &probes);
         let spatial = dot(&cosine_lobe(&self.basis, self.subject.point(receiver).normal), &blended);
         let arikan = near_light + dot(&far.finish(), &blended);
-        LastLeg {
-            uncompressed: self.transported(receiver, &self.subject.transport()),
-            spatial: positive(spatial),
-            arikan: positive(arikan),
-            near,
-        }
+        let transport = self.subject.transport();
+        let uncompressed = self.transported(receiver, &transport, leaf);
+        let paper = if transport.fit.is_some() {
+            self.transported(receiver, &TransportScene { fit: None, ..transport }, leaf)
+        } else {
+            uncompressed
+        };
+        LastLeg { uncompressed, paper, spatial: positive(spatial), arikan: positive(arikan), near }
     }
 
-    fn truth(&self, receiver: u32, first_bounce: Vec3, rays: &GatherSet, of_bake: &GatherSet) -> TruthLeg {
+    fn truth(
+        &self,
+        receiver: u32,
+        first_bounce: Vec3,
+        rays: &GatherSet,
+        of_bake: &GatherSet,
+        leaf: &TransportLeaf,
+    ) -> TruthLeg {
         let probes = self.probes(receiver);
         let (mut all, mut unseen) = (first_bounce.as_dvec3(), DVec3::ZERO);
         self.for_each_ray(receiver, rays, |_, weight, hit| {
@@ -189,7 +214,11 @@ impl<'a> Leg<'a> {
             }
         });
         let transport = TransportScene { gather: of_bake, ..self.subject.transport() };
-        TruthLeg { all: positive(all), seen: positive(all - unseen), dense: self.transported(receiver, &transport) }
+        TruthLeg {
+            all: positive(all),
+            seen: positive(all - unseen),
+            dense: self.transported(receiver, &transport, leaf),
+        }
     }
 
     /// Calls `visit(direction, weight of an irradiance sum, hit)` for the rays of a cosine-weighted set above the horizon.
@@ -271,8 +300,8 @@ impl<'a> Leg<'a> {
     }
 
     /// The receiver's transport rows, uncompressed, times the probe radiance, as irradiance that is not negative.
-    fn transported(&self, receiver: u32, transport: &TransportScene<'_>) -> Vec3 {
-        let rows = transport.rows(&[self.subject.place(receiver)]);
+    fn transported(&self, receiver: u32, transport: &TransportScene<'_>, leaf: &TransportLeaf) -> Vec3 {
+        let rows = transport.rows(leaf, &[self.subject.place(receiver)]);
         let n_sh = self.basis.len();
         let outputs: Vec<DVec3> = rows
             .rows

@@ -88,6 +88,8 @@ pub struct Findings {
     pub sample: Vec<u32>,
     /// `|e|` of Eq. (12) at the measured receivers.
     pub operator_norm: Vec<f32>,
+    /// Deviation that the fit predicts there, [`operator_norm::Unlit::predicted`]; zeros for the paper's rows.
+    pub predicted: Vec<f32>,
     /// What the file covers, without lighting.
     pub coverage: Coverage,
     /// One entry per lighting state.
@@ -96,10 +98,11 @@ pub struct Findings {
     pub sweeps: Vec<SweepFindings>,
 }
 
-/// Percentiles of the operator norm, and whether it is high where the error is.
+/// Percentiles of an error without lighting, the operator norm or the fit's prediction, and whether it is high where the
+/// error is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct NormFigures {
-    /// Mean over receivers of the worst case.
+    /// Mean over receivers; of the norm, of the worst case.
     pub mean: f64,
     /// 95th percentile.
     pub p95: f64,
@@ -137,7 +140,9 @@ pub fn validate(
 ) -> Result<Findings, BakeError> {
     let sample = sample(subject.len(), settings.receivers as usize, settings.seed);
     let pairs = Pairs::of(subject, settings.pairs as usize);
-    let operator_norm = operator_norm::operator_norm(subject, &sample, progress)?;
+    let unlit = operator_norm::operator_norm(subject, &sample, progress)?;
+    let operator_norm: Vec<f32> = unlit.iter().map(|unlit| unlit.norm).collect();
+    let predicted = unlit.iter().map(|unlit| unlit.predicted).collect();
     let worst = if failure_case { failure::failure_case(subject, &sample, &operator_norm) } else { None };
     let mut measured: Vec<StateFindings> = Vec::new();
     for state in states.iter().chain(&worst) {
@@ -159,13 +164,26 @@ pub fn validate(
             measured.first().map(|state| sweep::run(subject, sweep, state, &sample, settings, progress))
         })
         .collect::<Result<_, _>>()?;
-    Ok(Findings { sample, operator_norm, coverage: Coverage::of(subject), states: measured, sweeps })
+    Ok(Findings { sample, operator_norm, predicted, coverage: Coverage::of(subject), states: measured, sweeps })
 }
 
 impl Findings {
     /// Sums up the operator norm.
     pub fn norm_figures(&self) -> NormFigures {
-        let norms: Vec<f64> = self.operator_norm.iter().map(|&norm| f64::from(norm)).collect();
+        self.figures_of(&self.operator_norm)
+    }
+
+    /// Sums up the fit's prediction, if rows are fitted.
+    pub fn predicted_figures(&self) -> Option<NormFigures> {
+        let is_fitted = self.predicted.iter().any(|&predicted| predicted > 0.0);
+        // A deviation is an RMS already.
+        let figures = |figures: NormFigures| NormFigures { mean_rms: figures.mean, ..figures };
+        is_fitted.then(|| figures(self.figures_of(&self.predicted)))
+    }
+
+    /// Sums up an error that knows no lighting, at the measured receivers.
+    fn figures_of(&self, unlit: &[f32]) -> NormFigures {
+        let norms: Vec<f64> = unlit.iter().map(|&norm| f64::from(norm)).collect();
         let mean = mean_of(norms.iter().copied());
         let high = percentile(&norms, 0.9);
         let mut figures = NormFigures {

@@ -16,12 +16,13 @@
 //! its own, and backs send nothing.
 
 use super::{
-    last_leg::{cosine_lobe, irradiance_weight},
+    last_leg::{cosine_lobe, each, irradiance_weight},
     subject::Subject,
 };
 use crate::{
     progress::{Cancelled, Progress},
     rays::{OccluderHint, frame},
+    transport::TransportLeaf,
 };
 use glam::Vec3;
 use localprt_formats::{
@@ -35,6 +36,16 @@ use std::f32::consts::PI;
 pub const FIELD_DEGREE: u32 = 9;
 /// Rays per probe of the dual projection. The Gram matrix of degree 7 is off by 2e-3 at half as many.
 const RAYS: u32 = 2000;
+
+/// What is known of a receiver's error without any lighting.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Unlit {
+    /// `|e|` of Eq. (12): worst irradiance error over unit fields. Divide by [`rms_share`] for the RMS.
+    pub norm: f32,
+    /// Standard deviation that the fit predicts of the irradiance error, for fields of its prior, whose variance is 1
+    /// (F4 of [`crate::transport::fit`]); 0 for the paper's rows. At degree 1 errors of the outputs count as independent.
+    pub predicted: f32,
+}
 
 /// Γ(p_i, ω) of every probe, traced once.
 struct ProbeViews {
@@ -50,26 +61,18 @@ struct SeenPoint {
     normal: Vec3,
 }
 
-/// `|e|` of Eq. (12) at some receivers, given in file order: worst irradiance error over unit fields. Divide by
-/// [`rms_share`] for the RMS.
+/// Both at some receivers, given in file order.
 ///
 /// # Errors
 /// [`Cancelled`].
-pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<f32>, Cancelled> {
+pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<Unlit>, Cancelled> {
     let probe_basis = Basis::new(subject.view.metadata.probe_degree);
     let field_basis = Basis::new(FIELD_DEGREE);
     let views = ProbeViews::trace(subject, receivers, &probe_basis);
     progress.check()?;
-    let stage = progress.stage("operator norm", receivers.len() as u64);
-    receivers
-        .par_iter()
-        .map(|&receiver| {
-            progress.check()?;
-            let norm = norm_at(subject, receiver, &views, &probe_basis, &field_basis);
-            stage.inc(1);
-            Ok(norm)
-        })
-        .collect()
+    each("operator norm", subject, receivers, progress, |index, leaf| {
+        at(subject, receivers[index], leaf, &views, &probe_basis, &field_basis)
+    })
 }
 
 /// Square root of the number of functions of the field: worst case over RMS.
@@ -104,7 +107,14 @@ impl ProbeViews {
     }
 }
 
-fn norm_at(subject: &Subject<'_>, receiver: u32, views: &ProbeViews, probe_basis: &Basis, field_basis: &Basis) -> f32 {
+fn at(
+    subject: &Subject<'_>,
+    receiver: u32,
+    leaf: &TransportLeaf,
+    views: &ProbeViews,
+    probe_basis: &Basis,
+    field_basis: &Basis,
+) -> Unlit {
     let caster = subject.caster;
     let transport = subject.transport();
     let point = subject.point(receiver);
@@ -136,7 +146,7 @@ fn norm_at(subject: &Subject<'_>, receiver: u32, views: &ProbeViews, probe_basis
         error = cosine_lobe(field_basis, point.normal).into_iter().map(f64::from).collect();
     }
 
-    let rows = transport.rows(&[subject.place(receiver)]);
+    let rows = transport.rows(leaf, &[subject.place(receiver)]);
     let weights = measured_by_the_cosine(&rows.rows, rows.n_columns, point.normal);
     let n_sh = probe_basis.len();
     for (slot, &id) in rows.probes.iter().enumerate() {
@@ -163,7 +173,15 @@ fn norm_at(subject: &Subject<'_>, receiver: u32, views: &ProbeViews, probe_basis
             }
         }
     }
-    error.iter().map(|value| value * value).sum::<f64>().sqrt() as f32
+    let variance: f32 = match rows.variance.as_slice() {
+        [] => 0.0,
+        [variance] => *variance,
+        variances => {
+            let weights = sh::irradiance_weights_degree_1(point.normal.to_array());
+            variances.iter().zip(weights).map(|(variance, weight)| weight * weight * variance).sum()
+        }
+    };
+    Unlit { norm: error.iter().map(|value| value * value).sum::<f64>().sqrt() as f32, predicted: variance.sqrt() }
 }
 
 /// The rows of a receiver as one row of irradiance.

@@ -24,6 +24,9 @@ pub struct Metrics {
     pub methods: Methods,
     /// Eq. (12), without lighting.
     pub operator_norm: NormFigures,
+    /// Deviation that the fit predicts, without lighting; absent for the paper's rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_error: Option<NormFigures>,
     /// Steps across borders in the first state.
     pub seams: Steps,
     /// What the file covers.
@@ -81,6 +84,8 @@ pub struct Methods {
     pub compressed: MethodError,
     /// Transport rows in full.
     pub uncompressed: MethodError,
+    /// The paper's rows, whatever the file's are.
+    pub paper: MethodError,
     /// Eq. (1).
     pub spatial: MethodError,
     /// Irradiance decomposition, idealized.
@@ -93,7 +98,7 @@ impl StateFigures {
         let reference = &state.reference;
         let errors = reference.standard_error.iter().map(|error| error.as_dvec3());
         let paths: u64 = reference.paths.iter().map(|&paths| u64::from(paths)).sum();
-        let [compressed, uncompressed, spatial, arikan] = state.methods;
+        let [compressed, uncompressed, paper, spatial, arikan] = state.methods;
         Self {
             name: state.state.name.clone(),
             mean_irradiance: state.mean,
@@ -102,7 +107,7 @@ impl StateFigures {
                 standard_error: rms(errors) / state.mean,
                 paths: paths as f64 / reference.paths.len().max(1) as f64,
             },
-            methods: Methods { compressed, uncompressed, spatial, arikan },
+            methods: Methods { compressed, uncompressed, paper, spatial, arikan },
             seams: state.steps,
             leak: state.leak,
             errors: state.parts,
@@ -126,6 +131,7 @@ impl Metrics {
             reference: first.reference,
             methods: first.methods,
             operator_norm: findings.norm_figures(),
+            predicted_error: findings.predicted_figures(),
             seams: first.seams,
             coverage: findings.coverage,
             leak: first.leak,

@@ -19,7 +19,7 @@ use localprt_scenes::{Camera, Lighting};
 use serde::Serialize;
 
 /// Names of the methods, in the order of [`StateFindings::methods`].
-pub const METHODS: [&str; 4] = ["compressed", "uncompressed", "spatial", "arikan"];
+pub const METHODS: [&str; 5] = ["compressed", "uncompressed", "paper", "spatial", "arikan"];
 
 /// Rows of a picture, at most: a tall camera must not take all memory.
 const MOST_ROWS: u32 = 2048;
@@ -76,9 +76,9 @@ pub struct StateFindings {
     /// From the truth to the transport row at the measured receivers.
     pub truths: Vec<TruthLeg>,
     /// Irradiance maps of [`METHODS`], gutters filled.
-    pub maps: [CoverageMap; 4],
+    pub maps: [CoverageMap; 5],
     /// Errors of [`METHODS`].
-    pub methods: [MethodError; 4],
+    pub methods: [MethodError; 5],
     /// What the error is made of.
     pub parts: ErrorParts,
     /// Reasons of the worst receivers.
@@ -129,12 +129,12 @@ pub fn measure(
     let legs: Vec<LastLeg> = sample.iter().map(|&receiver| all_legs[place(receiver)]).collect();
 
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.spatial, leg.arikan];
+    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.paper, leg.spatial, leg.arikan];
     let map_of = |method: usize| {
         let values: Vec<Vec3> = all_legs.iter().map(|leg| of_method(leg)[method]).collect();
         irradiance_map(subject, &spread(subject, &needed, &values))
     };
-    let maps = [lit.relit.irradiance_map.clone(), map_of(0), map_of(1), map_of(2)];
+    let maps = [lit.relit.irradiance_map.clone(), map_of(0), map_of(1), map_of(2), map_of(3)];
     let error = |method: usize| {
         let values: Vec<Vec3> = match method {
             0 => compressed.clone(),
@@ -144,7 +144,7 @@ pub fn measure(
         let flip = flips.sum::<f64>() / views.len().max(1) as f64;
         MethodError { flip, ..MethodError::of(&values, &reference.irradiance).unwrap_or_default() }
     };
-    let methods = [0, 1, 2, 3].map(error);
+    let methods = [0, 1, 2, 3, 4].map(error);
 
     // With one bounce the reference is the first bounce.
     let first_bounce = match settings.bounces {

@@ -5,13 +5,14 @@
 //! and checked against the file.
 
 use crate::{
+    clusters::leaves,
     error::BakeError,
     lightmap::{Atlas, ReceiverSet, receivers},
     probes::{self, ProbeSet, Support},
     progress::{Cancelled, Progress},
     rays::RayCaster,
-    settings::{BakeSettings, Preset},
-    transport::{GatherSet, TransportScene},
+    settings::{BakeSettings, Transport},
+    transport::{FitScene, GatherSet, TransportScene},
     validate::path_tracer::SurfacePoint,
 };
 use glam::{Vec2, Vec3};
@@ -43,6 +44,11 @@ pub struct Subject<'a> {
     gather: GatherSet,
     probe_basis: sh::Basis,
     sky_basis: sh::Basis,
+    fit: Option<FitScene>,
+    /// Leaves of the bake; members by place in `placed`.
+    leaves: Vec<Vec<u32>>,
+    /// Leaf of each receiver by place in `placed`.
+    leaf_of: Vec<u32>,
 }
 
 impl<'a> Subject<'a> {
@@ -54,11 +60,7 @@ impl<'a> Subject<'a> {
     pub fn new(view: BakedView<'a>, caster: &'a RayCaster<'a>, progress: &Progress) -> Result<Self, BakeError> {
         let _stage = progress.stage("receivers and probes", 0);
         let metadata = view.metadata;
-        let settings = BakeSettings::resolve(
-            Preset::Production,
-            Some(("options of the bake", &metadata.options)),
-            &toml::Table::new(),
-        )?;
+        let settings = BakeSettings::of_file(&metadata.options)?;
         let atlas = Atlas::of(caster.scene());
         let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
         let placed =
@@ -96,9 +98,19 @@ impl<'a> Subject<'a> {
         for (index, record) in view.clusters.iter().enumerate() {
             cluster[record.first_receiver as usize..][..record.n_receivers as usize].fill(index as u32);
         }
+        let probe_basis = sh::Basis::new(metadata.probe_degree);
+        let fit = match settings.transport {
+            Transport::Paper => None,
+            Transport::Fitted => Some(FitScene::new(caster, &atlas, &placed, &probes, metadata.n_rays, &probe_basis)),
+        };
+        let leaves = leaves(&placed.position, settings.leaf as usize);
+        let mut leaf_of = vec![0; placed.len()];
+        for (index, members) in leaves.iter().enumerate() {
+            members.iter().for_each(|&member| leaf_of[member as usize] = index as u32);
+        }
         Ok(Self {
             gather: GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed),
-            probe_basis: sh::Basis::new(metadata.probe_degree),
+            probe_basis,
             sky_basis: sh::Basis::new(metadata.sky_degree),
             view,
             caster,
@@ -111,6 +123,9 @@ impl<'a> Subject<'a> {
             place,
             probes,
             support,
+            fit,
+            leaves,
+            leaf_of,
         })
     }
 
@@ -134,7 +149,20 @@ impl<'a> Subject<'a> {
             gather: &self.gather,
             probe_basis: &self.probe_basis,
             sky_basis: &self.sky_basis,
+            fit: self.fit.as_ref(),
         }
+    }
+
+    /// Receivers, given in file order, by leaf of the bake: the leaf's members in the transport stage, and indices into
+    /// `receivers`. Leaves without any are left out.
+    pub fn by_leaf(&self, receivers: &[u32]) -> Vec<(&[u32], Vec<usize>)> {
+        let mut groups: Vec<(&[u32], Vec<usize>)> =
+            self.leaves.iter().map(|members| (members.as_slice(), Vec::new())).collect();
+        for (index, &receiver) in receivers.iter().enumerate() {
+            groups[self.leaf_of[self.place(receiver) as usize] as usize].1.push(index);
+        }
+        groups.retain(|(_, indices)| !indices.is_empty());
+        groups
     }
 
     /// Number of a receiver, given in file order, in the transport stage.

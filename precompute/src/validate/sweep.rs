@@ -88,7 +88,9 @@ impl Sweep {
         let settings = values
             .iter()
             .map(|value| {
-                let line = format!("{key} = {value}");
+                // Words are strings in TOML.
+                let is_word = value.parse::<f64>().is_err() && value.chars().all(|letter| letter.is_ascii_lowercase());
+                let line = if is_word { format!("{key} = \"{value}\"") } else { format!("{key} = {value}") };
                 let flags = line.parse::<toml::Table>().map_err(|error| SettingsError::WrongType {
                     layer: "--sweep".into(),
                     key: key.into(),
@@ -139,8 +141,8 @@ pub fn run(
             let error = MethodError::of(&found, &state.reference.irradiance).unwrap_or_default();
 
             let some = thin(sample, NORM_RECEIVERS);
-            let norms =
-                operator_norm(&again, &some.iter().map(|&receiver| in_bake(receiver)).collect::<Vec<_>>(), progress)?;
+            let places: Vec<u32> = some.iter().map(|&receiver| in_bake(receiver)).collect();
+            let norms: Vec<f32> = operator_norm(&again, &places, progress)?.iter().map(|unlit| unlit.norm).collect();
             let wide: Vec<f64> = norms.iter().map(|&norm| f64::from(norm)).collect();
             Ok(SweepPoint {
                 value: value.clone(),
@@ -183,6 +185,9 @@ mod tests {
         assert_eq!(degrees.settings[0].1.probe_degree, 2);
         assert_eq!((degrees.settings[1].1.lightmap, degrees.settings[1].1.texel), (256, None));
         assert_eq!(sweep("probes", &["8"]).expect("valid").settings[0].1.probes, Some(8));
+        let transports = sweep("transport", &["paper", "fitted"]).expect("valid");
+        assert_eq!(transports.settings[0].1.transport, crate::settings::Transport::Paper);
+        assert!(matches!(sweep("transport", &["best"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("degree", &["99"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("probes", &["many"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("colour", &["1"]), Err(BakeError::Settings(_))));

@@ -8,6 +8,7 @@ use crate::{
     output::OutputError,
     picture::Exposure,
     validate::{
+        NormFigures,
         path_tracer::{PixelLight, luminance},
         report::Metrics,
         selection::spread,
@@ -60,26 +61,50 @@ pub(super) fn section(context: &Context<'_>, metrics: &Metrics, folder: &Folder)
     let coverage = &metrics.coverage;
     let correlation = |value: Option<f64>| value.map_or_else(|| "–".into(), |value| format!("{value:.3}"));
     let fact = |name: &str, value: String| (name.to_owned(), value);
-    let blocks = vec![
+    let ranks = |figures: &NormFigures| {
+        vec![
+            fact("rank correlation with the relative error of the last leg", correlation(figures.rank_correlation)),
+            fact(
+                "with the relative error, earlier bounces and noise included",
+                correlation(figures.rank_correlation_relative),
+            ),
+            fact("with the absolute error", correlation(figures.rank_correlation_absolute)),
+            fact("mean error of the last leg, tenth of highest value", percent(figures.error_where_high)),
+            fact("the same, elsewhere", percent(figures.error_elsewhere)),
+        ]
+    };
+    let mut blocks = vec![
         Block::Text(
             "The operator norm (Eq. 12) sends light of unit strength from a receiver to the probes and back, and tells the \
-             irradiance error of the worst such light. It knows no lamp. The mean over random lights is a tenth of it."
+             irradiance error of the worst such light. It knows no lamp. The mean over random lights is a tenth of it. Of \
+             fitted rows the fit itself predicts the error, for light that varies smoothly over the surfaces."
                 .into(),
         ),
         Block::Facts {
             title: "Operator norm".into(),
-            rows: vec![
+            rows: [
                 fact("mean, worst light", format!("{:.4}", norm.mean)),
                 fact("95 % of the receivers are below", format!("{:.4}", norm.p95)),
                 fact("largest", format!("{:.4}", norm.max)),
                 fact("mean, random light (RMS)", format!("{:.4}", norm.mean_rms)),
-                fact("rank correlation with the relative error of the last leg", correlation(norm.rank_correlation)),
-                fact("with the relative error, earlier bounces and noise included", correlation(norm.rank_correlation_relative)),
-                fact("with the absolute error", correlation(norm.rank_correlation_absolute)),
-                fact("mean error of the last leg, tenth of highest norm", percent(norm.error_where_high)),
-                fact("the same, elsewhere", percent(norm.error_elsewhere)),
-            ],
+            ]
+            .into_iter()
+            .chain(ranks(norm))
+            .collect(),
         },
+    ];
+    if let Some(predicted) = &metrics.predicted_error {
+        let rows = [
+            fact("mean", format!("{:.4}", predicted.mean)),
+            fact("95 % of the receivers are below", format!("{:.4}", predicted.p95)),
+            fact("largest", format!("{:.4}", predicted.max)),
+        ];
+        blocks.push(Block::Facts {
+            title: "Predicted error".into(),
+            rows: rows.into_iter().chain(ranks(predicted)).collect(),
+        });
+    }
+    blocks.extend([
         Block::Facts {
             title: "Coverage".into(),
             rows: vec![
@@ -93,7 +118,7 @@ pub(super) fn section(context: &Context<'_>, metrics: &Metrics, folder: &Folder)
             ],
         },
         Block::Gallery { title: "Heat maps".into(), images: gallery, columns: 2 },
-    ];
+    ]);
     Ok(Section { id: "maps".into(), title: "Without lighting".into(), blocks })
 }
 
@@ -140,6 +165,12 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
     let range = nice_range(&findings.operator_norm, 99.0);
     let caption = "Without lighting; interpolated between measured receivers.";
     sequential("operator-norm", "Operator norm", "worst irradiance error of unit light", caption, norm, range);
+    if findings.predicted.iter().any(|&predicted| predicted > 0.0) {
+        let predicted = everywhere(&findings.predicted);
+        let range = nice_range(&findings.predicted, 99.0);
+        let unit = "deviation of irradiance, surfaces of deviation 1";
+        sequential("predicted", "Predicted error", unit, caption, predicted, range);
+    }
     let unseen = subject.view.receiver_unseen;
     let range = nice_range(unseen, 99.0);
     let caption = "Cosine-weighted directions whose surface no supporting probe sees: their light is lost.";

@@ -136,6 +136,7 @@ pub(super) fn method_section(context: &Context<'_>) -> Section {
         fact("bias", "mean(E − E_ref) / mean(E_ref)".into()),
         fact("FLIP", "mean over the pixels of the views, 67 pixels per degree (Andersson et al. 2020)".into()),
         fact("all methods", "read the same probe radiance, that of the last gather of the compressed relight".into()),
+        fact("paper", "transport rows of Eq. 4, whatever the file's are".into()),
         fact("spatial", "E = ∫ L̄ cos, L̄ = Σ wᵢ Lᵢ / Σ wᵢ (Eq. 1): probes blended by distance".into()),
         fact("arikan", "E = Σ w (L(Γ) where |Γ − x| < r, L̄ elsewhere), r half the radius of support: the irradiance decomposition of Arikan et al. 2005 with sampled visibility and exact near light, its best case".into()),
         fact("operator norm", "Eq. 12 with receiver fields of degree 9; sky and black backs left out".into()),

@@ -1,0 +1,358 @@
+//! Fitted transport: rows that best predict a receiver's light from the probes, instead of the paper's blend (Eq. 4).
+//!
+//! A row has a weight for every SH coefficient of every supporting probe. The paper sets them by distance and visibility;
+//! the limited degree of the probes is then most of the error. Here the same weights are fitted, so the file, the memory
+//! and the time per frame stay what they are. Radiance that leaves surfaces is taken as a smooth random field f times the
+//! openness of the surface, L(y) = s(y) f(y); the fitted row is the paper's plus the correction that lowers the expected
+//! squared error most, while each probe's part costs more the less weight the probe has:
+//!
+//! ```text
+//! e[p]         openness-weighted solid angle of patch p at the receiver: sum of its gather rays that a probe sees
+//! u_i[j]       SH coefficient j at probe i of the field 1 on all surfaces; e_u the same at the receiver
+//! Λ_i[j, p]    SH coefficient j at probe i of that patch: sum of the probe's relight rays
+//! B            K ≈ B Bᵀ, prior covariance of f between patches                                    (field.rs)
+//! M_i = [Λ_i B, σ_c u_i], A_i = M_iᵀ M_i                                                          per leaf
+//! y = [Bᵀ e, σ_c e_u] - sum_i M_iᵀ a0_i      what the paper's row a0 gets wrong of each mode      (F1)
+//! S = μ t I + sum_i w_i A_i          w_i = weight kernel times the share of what is seen          (F2)
+//! a_i = a0_i + w_i M_i z,  S z = y                                                                (F3)
+//! v = μ t y·z                        predicted variance of what is left, for a field of variance 1 (F4)
+//! ```
+//!
+//! (F3) is ridge regression of the row with penalty μ t / w_i, in the space of field modes (matrix inversion lemma), so
+//! that one small matrix is factored for a receiver, whatever its probes; the tests hold it against the long form. A probe that
+//! sees nothing of what the receiver sees has w_i = 0: sealed rooms stay sealed, and rows change smoothly with the place.
+//!
+//! Sky columns are left as they are: the sky's SH coefficients are exact, and under a prior that prefers no direction the
+//! best estimate of what they leave out is zero, which is the paper's row already. See `docs/fitted-transport.md`.
+
+mod field;
+mod openness;
+mod patches;
+mod solve;
+#[cfg(test)]
+mod tests;
+
+use super::kernel::{Found, OutputSums};
+use crate::{
+    lightmap::{Atlas, ReceiverSet},
+    probes::ProbeSet,
+    rays::{FacePoint, RayCaster},
+};
+use field::Modes;
+use glam::Vec3;
+use localprt_formats::{directions::spherical_fibonacci, sh};
+use openness::Openness;
+use patches::{Cut, Patches};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// Edge of the finest patches, as a share of the probe spacing.
+const FINEST: f32 = 0.1;
+/// Edge of a patch over its distance from the leaf, at most, where there are few patches.
+const ANGLE: f32 = 0.3;
+/// Patches of a leaf, at most: they are made coarser until there are as few.
+const MOST_PATCHES: usize = 1000;
+/// Correlation length of the field, as a share of the probe spacing.
+const CORRELATION: f32 = 0.5;
+/// Distance at which openness is one half, as a share of the probe spacing.
+const HALF_OPEN: f32 = 0.3;
+/// Modes are kept down to this share of the penalty.
+const LEAST: f32 = 0.01;
+/// Variance of the field that all surfaces have in common, σ_c²: high, so that a constant field is reproduced.
+const CONSTANT: f32 = 10.0;
+/// μ of (F2).
+const RIDGE: f32 = 1e-3;
+/// t of (F2) is this times the mean variance of a probe's coefficient.
+const RIDGE_SCALE: f32 = 50.0;
+
+/// What rows are fitted with; the same for all leaves of a bake.
+pub struct FitScene {
+    /// Median distance from a probe to the nearest other, metres.
+    spacing_m: f32,
+    /// `[n_rays][n_sh]` SH of the relight rays times 4 pi / n_rays.
+    table: Vec<f32>,
+    /// `[n_probes]` what the relight rays of each see, by rising ray.
+    views: Vec<Vec<SeenPoint>>,
+    openness: Openness,
+}
+
+/// A surface point that a relight ray meets.
+#[derive(Clone, Copy, Debug)]
+struct SeenPoint {
+    ray: u32,
+    position: Vec3,
+    normal: Vec3,
+    surface: Surface,
+}
+
+/// What the prior knows of a surface point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surface {
+    /// s(y).
+    pub scale: f32,
+    /// Its material emits light.
+    pub glows: bool,
+}
+
+/// What the rows of a leaf are fitted with.
+pub struct LeafFit {
+    /// Union of the supporting probes, rising.
+    probes: Vec<u32>,
+    n_sh: usize,
+    patches: Patches,
+    modes: Modes,
+    /// By place in `probes`.
+    views: Vec<ProbeModes>,
+}
+
+/// A probe's view of the field modes.
+struct ProbeModes {
+    /// M_i, `[n_sh][n_modes + 1]`.
+    matrix: Vec<f32>,
+    /// A_i, `[n_modes + 1][n_modes + 1]`.
+    gram: Vec<f32>,
+    /// Mean variance of a coefficient, but for what surfaces emit.
+    variance: f32,
+}
+
+impl FitScene {
+    /// Traces the relight rays of all probes and the openness of all receivers.
+    pub fn new(
+        caster: &RayCaster<'_>,
+        atlas: &Atlas,
+        receivers: &ReceiverSet,
+        probes: &ProbeSet,
+        n_rays: u32,
+        basis: &sh::Basis,
+    ) -> Self {
+        let spacing_m = spacing(probes);
+        let openness = Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m);
+        let dirs: Vec<Vec3> = (0..n_rays).map(|ray| Vec3::from(spherical_fibonacci(ray, n_rays))).collect();
+        let mut table = vec![0.0; dirs.len() * basis.len()];
+        for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
+            basis.evaluate(dir.to_array(), values);
+            values.iter_mut().for_each(|value| *value *= 4.0 * PI / n_rays as f32);
+        }
+        let see = |&probe: &Vec3| {
+            let look = |(ray, &dir): (usize, &Vec3)| {
+                let hit = caster.closest_hit(probe, dir)?;
+                let surface = openness.surface(caster, &hit.point?);
+                Some(SeenPoint { ray: ray as u32, position: hit.position, normal: hit.normal, surface })
+            };
+            dirs.iter().enumerate().filter_map(look).collect()
+        };
+        let views = probes.positions.par_iter().map(see).collect();
+        Self { spacing_m, table, views, openness }
+    }
+
+    /// What the prior knows of a surface point.
+    pub(super) fn surface(&self, caster: &RayCaster<'_>, point: &FacePoint) -> Surface {
+        self.openness.surface(caster, point)
+    }
+
+    /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
+    pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
+        let (patches, seen) = self.patches(bounds, probes);
+        // Λ_i transposed, [n_patches][n_sh], and the variance of a coefficient where nothing emits, for a patch by itself.
+        let views: Vec<Vec<f32>> = probes
+            .iter()
+            .zip(&seen)
+            .map(|(&id, places)| {
+                let mut lambda = vec![0.0; patches.len() * n_sh];
+                for (seen, &patch) in self.views[id as usize].iter().zip(places) {
+                    let values = &self.table[seen.ray as usize * n_sh..][..n_sh];
+                    for (sum, value) in lambda[patch as usize * n_sh..][..n_sh].iter_mut().zip(values) {
+                        *sum += seen.surface.scale * value;
+                    }
+                }
+                lambda
+            })
+            .collect();
+        let modes = Modes::of(
+            &patches,
+            CORRELATION * self.spacing_m,
+            &views,
+            weights,
+            n_sh,
+            f64::from(LEAST * RIDGE * RIDGE_SCALE),
+        );
+        let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
+        let views = views
+            .into_iter()
+            .zip(probes)
+            .map(|(mut lambda, &id)| {
+                let matrix = modes.project(&lambda, n_sh);
+                let variance = if glowing.contains(&true) {
+                    for (values, &glows) in lambda.chunks_exact_mut(n_sh).zip(&glowing) {
+                        if glows {
+                            values.fill(0.0);
+                        }
+                    }
+                    let dark = modes.project(&lambda, n_sh);
+                    dot(&dark, &dark)
+                } else {
+                    dot(&matrix, &matrix)
+                };
+                let variance = variance / n_sh as f32;
+                let matrix = with_constant(&matrix, &self.constant(id, n_sh));
+                ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
+            })
+            .collect();
+        LeafFit { probes: probes.to_vec(), n_sh, patches, modes, views }
+    }
+}
+
+impl FitScene {
+    /// σ_c u_i, `[n_sh]`.
+    fn constant(&self, probe: u32, n_sh: usize) -> Vec<f32> {
+        let mut sum = vec![0.0; n_sh];
+        for point in &self.views[probe as usize] {
+            let values = &self.table[point.ray as usize * n_sh..][..n_sh];
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += CONSTANT.sqrt() * point.surface.scale * value);
+        }
+        sum
+    }
+
+    /// Patches around a box as the probes see them, and the patch of each point seen: coarser until they are few enough.
+    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32]) -> (Patches, Vec<Vec<u32>>) {
+        let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * self.spacing_m, angle: ANGLE };
+        loop {
+            let mut patches = Patches::new(cut);
+            let seen: Vec<Vec<u32>> = probes
+                .iter()
+                .map(|&id| {
+                    self.views[id as usize]
+                        .iter()
+                        .map(|seen| patches.add(seen.position, seen.normal, seen.surface.glows))
+                        .collect()
+                })
+                .collect();
+            if patches.len() <= MOST_PATCHES || cut.angle > 4.0 {
+                return (patches, seen);
+            }
+            cut = Cut { finest_m: 1.2 * cut.finest_m, angle: 1.2 * cut.angle, ..cut };
+        }
+    }
+}
+
+impl LeafFit {
+    /// Number of field modes.
+    pub fn n_modes(&self) -> usize {
+        self.modes.len()
+    }
+
+    /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
+    /// Returns the predicted variance (F4) of each output.
+    pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Vec<f32> {
+        let n_sh = self.n_sh;
+        // With the constant, which comes last.
+        let n_modes = self.modes.len() + 1;
+        let n_k = outputs.len();
+        let weights = &found.seen_weights;
+        let total: f32 = weights.iter().sum();
+        if total <= 0.0 {
+            return vec![0.0; n_k];
+        }
+        // Probes that count: their columns in the row, weight and view.
+        let probes: Vec<(usize, f32, &ProbeModes)> = support
+            .iter()
+            .zip(weights)
+            .enumerate()
+            .filter(|(_, (_, weight))| **weight > 0.0)
+            .filter_map(|(slot, (id, &weight))| {
+                let place = self.probes.binary_search(id).ok()?;
+                Some((slot * n_sh, weight, &self.views[place]))
+            })
+            .collect();
+
+        // (F1)
+        let mut y = vec![0.0; n_k * n_modes];
+        for (hit, of_outputs) in found.hits.iter().zip(found.hit_weights.chunks_exact(n_k)) {
+            for (y, weight) in y.chunks_exact_mut(n_modes).zip(of_outputs) {
+                y[n_modes - 1] += CONSTANT.sqrt() * weight * hit.surface.scale;
+            }
+            if let Some(patch) = self.patches.find(hit.position, hit.normal, hit.surface.glows) {
+                let modes = self.modes.of_patch(patch as usize);
+                for (y, weight) in y.chunks_exact_mut(n_modes).zip(of_outputs) {
+                    let weight = weight * hit.surface.scale;
+                    y.iter_mut().zip(modes).for_each(|(y, mode)| *y += weight * mode);
+                }
+            }
+        }
+        for (y, output) in y.chunks_exact_mut(n_modes).zip(outputs.iter()) {
+            for &(first, _, view) in &probes {
+                for (&weight, modes) in output.probes[first..first + n_sh].iter().zip(view.matrix.chunks_exact(n_modes))
+                {
+                    y.iter_mut().zip(modes).for_each(|(y, mode)| *y -= weight * mode);
+                }
+            }
+        }
+
+        // (F2)
+        let mut system = vec![0.0f32; n_modes * n_modes];
+        let mut variance = 0.0;
+        for &(_, weight, view) in &probes {
+            system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
+            variance += weight / total * view.variance;
+        }
+        let ridge = RIDGE * RIDGE_SCALE * variance;
+        if ridge <= 0.0 {
+            return vec![0.0; n_k];
+        }
+        (0..n_modes).for_each(|mode| system[mode * n_modes + mode] += ridge);
+
+        // (F3)
+        let z = solve::solve(&system, &y, n_modes);
+        for (z, output) in z.chunks_exact(n_modes).zip(outputs.iter_mut()) {
+            for &(first, weight, view) in &probes {
+                let row = &mut output.probes[first..first + n_sh];
+                for (value, modes) in row.iter_mut().zip(view.matrix.chunks_exact(n_modes)) {
+                    *value += weight * dot(modes, z);
+                }
+            }
+        }
+        // (F4)
+        y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0)).collect()
+    }
+}
+
+/// Appends a column to a row-major matrix.
+fn with_constant(matrix: &[f32], column: &[f32]) -> Vec<f32> {
+    let width = matrix.len() / column.len().max(1);
+    (0..column.len())
+        .flat_map(|row| matrix[row * width..(row + 1) * width].iter().chain(&column[row..=row]))
+        .copied()
+        .collect()
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    // Eight sums, so that the compiler may use vectors.
+    let mut sums = [0.0f32; 8];
+    let (a_chunks, b_chunks) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a_chunks.zip(b_chunks) {
+        for lane in 0..8 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    sums.iter().sum::<f32>() + rest
+}
+
+/// Median distance from a probe to the nearest other, metres; of a single probe half of its support radius.
+fn spacing(probes: &ProbeSet) -> f32 {
+    let positions = &probes.positions;
+    if positions.len() < 2 {
+        return 0.5 * probes.radius_m;
+    }
+    let nearest = |(index, position): (usize, &Vec3)| {
+        positions
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index)
+            .map(|(_, other)| other.distance(*position))
+            .fold(f32::INFINITY, f32::min)
+    };
+    let mut distances: Vec<f32> = positions.par_iter().enumerate().map(nearest).collect();
+    distances.sort_unstable_by(f32::total_cmp);
+    distances[distances.len() / 2].max(f32::MIN_POSITIVE)
+}

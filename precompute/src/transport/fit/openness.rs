@@ -1,0 +1,84 @@
+//! Openness of surfaces: how much of the light around a surface point can reach it.
+//!
+//! Surfaces in gaps and corners are dark more often than not, and a probe that sees the bright surface beside a gap says
+//! nothing of the sort. The prior's scale s(y) tells the fit: the square of the cosine-weighted mean of t / (t + t0) over
+//! the rays from y, t their length and t0 a share of the probe spacing. Without it, receivers a hand's breadth from a
+//! surface take over the light of lit surfaces around (nrmse of a staircase 1.07 instead of 0.22).
+
+use super::Surface;
+use crate::{
+    lightmap::{Atlas, ReceiverSet},
+    rays::{FacePoint, RayCaster, frame},
+};
+use glam::{Vec2, Vec3};
+use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
+use rayon::prelude::*;
+
+/// Power of the openness.
+const EXPONENT: i32 = 2;
+/// Rays of each receiver.
+const RAYS: u32 = 64;
+
+/// s(y) on the receiver map.
+pub(super) struct Openness {
+    size: u32,
+    /// `[size * size]`; the mean where no receiver is near.
+    scale: Vec<f32>,
+    /// Corner coordinates of each face.
+    corners: Vec<[Vec2; 3]>,
+}
+
+impl Openness {
+    /// Measures every receiver; `half_m` is t0.
+    pub(super) fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, half_m: f32) -> Self {
+        let local: Vec<[f32; 3]> =
+            (0..RAYS).map(|ray| cosine_hemisphere(fibonacci_square(ray, RAYS, [0.0, 0.0]))).collect();
+        let scales: Vec<f32> = (0..receivers.len())
+            .into_par_iter()
+            .map(|receiver| {
+                let normal = receivers.geometric_normal[receiver];
+                let (tangent, bitangent) = frame(normal);
+                let origin = receivers.position[receiver] + normal * caster.offset_m();
+                let open: f32 = local
+                    .iter()
+                    .map(|&[x, y, z]| {
+                        let dir = (tangent * x + bitangent * y + normal * z).normalize();
+                        caster.closest_hit(origin, dir).map_or(1.0, |hit| hit.t / (hit.t + half_m))
+                    })
+                    .sum();
+                (open / RAYS as f32).powi(EXPONENT)
+            })
+            .collect();
+        let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len().max(1) as f64;
+        let mut scale = vec![mean as f32; receivers.size as usize * receivers.size as usize];
+        if receivers.size == 0 {
+            return Self { size: 0, scale, corners: Vec::new() };
+        }
+        for (&texel, &value) in receivers.texel.iter().zip(&scales) {
+            scale[texel as usize] = value;
+        }
+        for &(texel, receiver) in &receivers.gutters {
+            scale[texel as usize] = scales[receiver as usize];
+        }
+        Self { size: receivers.size, scale, corners: atlas.corners.clone() }
+    }
+
+    /// s(y) of a surface point, and whether it emits; s = 1 where there is no map or it does, since what a surface emits
+    /// does not depend on what is around it.
+    pub(super) fn surface(&self, caster: &RayCaster<'_>, point: &FacePoint) -> Surface {
+        let scene = caster.scene();
+        let glows = scene.materials[scene.meshes[point.mesh].material].emission != Vec3::ZERO;
+        let scale = if glows { 1.0 } else { self.scale(point) };
+        Surface { scale, glows }
+    }
+
+    fn scale(&self, point: &FacePoint) -> f32 {
+        if self.size == 0 {
+            return 1.0;
+        }
+        let [a, b, c] = self.corners[point.face.0 as usize];
+        let uv = a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z;
+        let texel = (uv * self.size as f32).clamp(Vec2::ZERO, Vec2::splat(self.size as f32 - 1.0));
+        self.scale[texel.y as usize * self.size as usize + texel.x as usize]
+    }
+}

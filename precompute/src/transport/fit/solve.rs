@@ -1,0 +1,122 @@
+//! Small dense matrices of the fit; with the singular values, the only file that names faer. One thread, f32 unless said.
+
+use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul, prelude::Solve};
+use localprt_formats::directions::counter_uniform;
+
+/// Random directions beyond the wanted modes.
+const OVERSAMPLING: usize = 8;
+/// Power iterations of the search for modes.
+const POWER_ITERATIONS: usize = 1;
+/// Stream of random numbers of this file.
+const STREAM: u64 = 0x6669_7400;
+
+/// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
+pub(super) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
+    let n = a.len() / n_a.max(1);
+    let mut product = vec![0.0; n_a * n_b];
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
+        Accum::Replace,
+        MatRef::from_row_major_slice(a, n, n_a).transpose(),
+        MatRef::from_row_major_slice(b, n, n_b),
+        1.0,
+        Par::Seq,
+    );
+    product
+}
+
+/// `MᵀM` of a row-major `[n_rows][n]` matrix.
+pub(super) fn gram(matrix: &[f32], n_rows: usize) -> Vec<f32> {
+    let n = matrix.len() / n_rows.max(1);
+    transposed_product(matrix, n, matrix, n)
+}
+
+/// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix and row-major right sides `[n_k][n]`.
+pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Vec<f32> {
+    faer::set_global_parallelism(Par::Seq);
+    let matrix = MatRef::from_row_major_slice(system, n, n);
+    let n_k = right.len() / n;
+    let mut solution = right.to_vec();
+    let right = MatMut::from_column_major_slice_mut(&mut solution, n, n_k);
+    let Ok(factor) = matrix.llt(Side::Lower) else {
+        // Only non-finite input does this: the diagonal is raised above every rounding.
+        panic!("a {n} x {n} fit is not positive definite");
+    };
+    factor.solve_in_place(right);
+    solution
+}
+
+/// Field modes that some probes see best: B `[n_patches][n_modes]`, row-major, with `B Bᵀ` as near to K as n_modes allow in
+/// what `sqrt(weight) Λ` sees of it, and the variance that each adds there, falling.
+///
+/// `covariance` is K `[n][n]`; `views` are Λ_iᵀ `[n][n_sh]` with their weights. Modes of less than `least` times the mean
+/// variance of a coefficient are left out.
+///
+/// K = L Lᵀ; the modes are L times the leading right singular vectors of Λ L, by randomized subspace iteration (Halko,
+/// Martinsson and Tropp 2011).
+pub(super) fn leading_modes(
+    covariance: &[f32],
+    views: &[Vec<f32>],
+    weights: &[f32],
+    n_sh: usize,
+    most: usize,
+    least: f64,
+) -> (Vec<f32>, usize) {
+    faer::set_global_parallelism(Par::Seq);
+    let n = views.first().map_or(0, |view| view.len() / n_sh);
+    let n_columns = views.len() * n_sh;
+    let matrix = MatRef::from_row_major_slice(covariance, n, n);
+    let Ok(factor) = matrix.llt(Side::Lower) else {
+        panic!("the prior of {n} patches is not positive definite");
+    };
+    let l = factor.L().to_owned();
+    // Λᵀ, [n][n_columns].
+    let mut seen = Mat::<f32>::zeros(n, n_columns);
+    for (index, (view, weight)) in views.iter().zip(weights).enumerate() {
+        let scale = weight.sqrt();
+        for j in 0..n_sh {
+            let column = seen.col_mut(index * n_sh + j);
+            column.iter_mut().zip(view.iter().skip(j).step_by(n_sh)).for_each(|(to, from)| *to = scale * from);
+        }
+    }
+    let width = (most + OVERSAMPLING).min(n).min(n_columns);
+    let random = Mat::<f32>::from_fn(n_columns, width, |row, column| {
+        // Sums of two uniforms are near enough to normal for a sketch.
+        let counter = (row * width + column) as u64;
+        (counter_uniform(STREAM, counter, 0) + counter_uniform(STREAM, counter, 1) - 1.0) as f32
+    });
+    let mut q = orthonormal(&product(l.transpose(), product(seen.as_ref(), random.as_ref()).as_ref()));
+    for _ in 0..POWER_ITERATIONS {
+        let back = product(seen.transpose(), product(l.as_ref(), q.as_ref()).as_ref());
+        q = orthonormal(&product(l.transpose(), product(seen.as_ref(), back.as_ref()).as_ref()));
+    }
+    // Turned to the axes of what is seen.
+    let modes = product(l.as_ref(), q.as_ref());
+    let projected = product(seen.transpose(), modes.as_ref());
+    let square = product(projected.transpose(), projected.as_ref());
+    let wide = Mat::<f64>::from_fn(width, width, |i, j| f64::from(square[(i, j)]));
+    let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else {
+        panic!("modes of {n} patches did not converge");
+    };
+    let total: f64 = (0..width).map(|mode| eigen.S()[mode].max(0.0)).sum();
+    let mean = total / n_columns.max(1) as f64;
+    // Eigenvalues rise; we want them falling.
+    let n_modes = (0..width.min(most)).take_while(|&mode| eigen.S()[width - 1 - mode] > least * mean).count();
+    let turn = Mat::<f32>::from_fn(width, n_modes, |row, column| eigen.U()[(row, width - 1 - column)] as f32);
+    let turned = product(modes.as_ref(), turn.as_ref());
+    let mut values = Vec::with_capacity(n * n_modes);
+    for row in 0..n {
+        values.extend(turned.row(row).iter());
+    }
+    (values, n_modes)
+}
+
+fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
+    let mut result = Mat::zeros(a.nrows(), b.ncols());
+    matmul(&mut result, Accum::Replace, a, b, 1.0, Par::Seq);
+    result
+}
+
+fn orthonormal(matrix: &Mat<f32>) -> Mat<f32> {
+    matrix.qr().compute_thin_Q()
+}
