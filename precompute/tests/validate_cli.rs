@@ -67,7 +67,7 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     assert_eq!(metrics["bounces"], 1);
     assert!(metrics["reference"]["rays"].as_u64() > Some(50_000));
     assert!(metrics["reference"]["standard_error"].as_f64() > Some(0.0));
-    for method in ["compressed", "uncompressed", "spatial", "arikan"] {
+    for method in ["compressed", "uncompressed", "spatial", "arikan", "paper"] {
         let errors = &metrics["methods"][method];
         assert!(keys(errors).starts_with("nrmse median_relative p95_relative bias flip"), "{}", keys(errors));
         for name in ["nrmse", "median_relative", "p95_relative", "flip"] {
@@ -77,6 +77,7 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     for name in ["mean", "p95", "max"] {
         assert!(metrics["operator_norm"][name].as_f64() > Some(0.0), "{name}");
     }
+    assert!(metrics["predicted_error"]["mean"].as_f64() > Some(0.0), "rows are fitted");
     // The given lighting leads; the scene's own light and the failure case follow.
     let names: Vec<&str> = metrics["states"]
         .as_array()

@@ -24,9 +24,6 @@ pub struct Metrics {
     pub methods: Methods,
     /// Eq. (12), without lighting.
     pub operator_norm: NormFigures,
-    /// Deviation that the fit predicts, without lighting; absent for the paper's rows.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub predicted_error: Option<NormFigures>,
     /// Steps across borders in the first state.
     pub seams: Steps,
     /// What the file covers.
@@ -37,6 +34,9 @@ pub struct Metrics {
     pub errors: ErrorParts,
     /// Why the worst receivers are wrong, in the first state.
     pub worst: Worst,
+    /// Deviation that the fit predicts, without lighting; absent for the paper's rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_error: Option<NormFigures>,
     /// All lighting states.
     pub states: Vec<StateFigures>,
     /// Sweeps, under the first state.
@@ -84,12 +84,12 @@ pub struct Methods {
     pub compressed: MethodError,
     /// Transport rows in full.
     pub uncompressed: MethodError,
-    /// The paper's rows, whatever the file's are.
-    pub paper: MethodError,
     /// Eq. (1).
     pub spatial: MethodError,
     /// Irradiance decomposition, idealized.
     pub arikan: MethodError,
+    /// The paper's rows, whatever the file's are.
+    pub paper: MethodError,
 }
 
 impl StateFigures {
