@@ -33,7 +33,8 @@ fn path(folder: &Path, name: &str) -> String {
 fn bake(folder: &Path) -> String {
     let file = path(folder, "c.lprt");
     let options = ["--probes", "12", "--lightmap", "48", "--fill", "1", "--direct-map", "64", "--gather-rays", "64"];
-    let mut arguments = vec!["bake", "builtin:cornell", "-o", &file, "-q", "--relight-rays", "500"];
+    let mut arguments =
+        vec!["bake", "builtin:cornell", "-o", &file, "-q", "--relight-rays", "500", "--transport", "fitted"];
     arguments.extend(options);
     let output = run(&arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));

@@ -7,7 +7,7 @@ use localprt_precompute::{
     progress::Progress,
     rays::RayCaster,
     relight,
-    settings::BakeSettings,
+    settings::{BakeSettings, Transport},
 };
 use localprt_runtime::{
     CheckedBake, CpuRelighter, DirectLight, RelightInputs, Relighter, RelighterOptions, Relit, ShadowCasters,
@@ -16,7 +16,8 @@ use localprt_runtime::{
 use localprt_scenes::{Lighting, Scene, builtin};
 use std::path::PathBuf;
 
-/// Settings that bake a small room in a second or two.
+/// Settings that bake a small room in a second or two. Rows are fitted: the paper's, which they start from, have closed
+/// forms of their own in the bake library.
 pub fn small_settings() -> BakeSettings {
     BakeSettings {
         probes: Some(16),
@@ -25,6 +26,7 @@ pub fn small_settings() -> BakeSettings {
         direct_map: 128,
         gather_rays: 256,
         relight_rays: 2000,
+        transport: Transport::Fitted,
         ..BakeSettings::default()
     }
 }

@@ -160,7 +160,7 @@ impl From<PresetName> for Preset {
 enum TransportName {
     /// Probes that see a point are blended by distance
     Paper,
-    /// Fitted to smooth light on the surfaces around: same size and speed, a fraction of the error
+    /// Fitted to smooth light on the surfaces around: rows of the same shape with less error, a longer bake
     Fitted,
 }
 
