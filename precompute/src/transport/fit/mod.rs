@@ -50,6 +50,8 @@ use std::f32::consts::PI;
 const FINEST: f32 = 0.1;
 /// Edge of a patch over its distance from the leaf, at most, where there are few patches.
 const ANGLE: f32 = 0.3;
+/// The same where there are many.
+const WIDEST: f32 = 4.0;
 /// Patches of a leaf, at most: they are made coarser until there are as few.
 const MOST_PATCHES: usize = 1000;
 /// Correlation length of the field, as a share of the probe spacing.
@@ -64,6 +66,9 @@ const CONSTANT: f32 = 10.0;
 const RIDGE: f32 = 1e-3;
 /// t of (F2) is this times the mean variance of a probe's coefficient.
 const RIDGE_SCALE: f32 = 50.0;
+
+/// Probes whose nearest neighbors are looked for.
+const SPACING_SAMPLE: usize = 1024;
 
 /// What rows are fitted with; the same for all leaves of a bake.
 pub struct FitScene {
@@ -153,7 +158,7 @@ impl FitScene {
     /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
     pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
         let (patches, seen) = self.patches(bounds, probes);
-        // Λ_i transposed, [n_patches][n_sh], and the variance of a coefficient where nothing emits, for a patch by itself.
+        // Λ_i transposed, [n_patches][n_sh].
         let views: Vec<Vec<f32>> = probes
             .iter()
             .zip(&seen)
@@ -200,9 +205,7 @@ impl FitScene {
             .collect();
         LeafFit { probes: probes.to_vec(), n_sh, patches, modes, views }
     }
-}
 
-impl FitScene {
     /// σ_c u_i, `[n_sh]`.
     fn constant(&self, probe: u32, n_sh: usize) -> Vec<f32> {
         let mut sum = vec![0.0; n_sh];
@@ -227,20 +230,15 @@ impl FitScene {
                         .collect()
                 })
                 .collect();
-            if patches.len() <= MOST_PATCHES || cut.angle > 4.0 {
+            if patches.len() <= MOST_PATCHES {
                 return (patches, seen);
             }
-            cut = Cut { finest_m: 1.2 * cut.finest_m, angle: 1.2 * cut.angle, ..cut };
+            cut = Cut { finest_m: 1.2 * cut.finest_m, angle: (1.2 * cut.angle).min(WIDEST), ..cut };
         }
     }
 }
 
 impl LeafFit {
-    /// Number of field modes.
-    pub fn n_modes(&self) -> usize {
-        self.modes.len()
-    }
-
     /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
     /// Returns the predicted variance (F4) of each output.
     pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Vec<f32> {
@@ -302,7 +300,10 @@ impl LeafFit {
         (0..n_modes).for_each(|mode| system[mode * n_modes + mode] += ridge);
 
         // (F3)
-        let z = solve::solve(&system, &y, n_modes);
+        let Some(z) = solve::solve(&system, &y, n_modes) else {
+            // Next to nothing but lamps: too ill-conditioned for f32. The paper's row stays.
+            return y.chunks_exact(n_modes).map(|y| dot(y, y)).collect();
+        };
         for (z, output) in z.chunks_exact(n_modes).zip(outputs.iter_mut()) {
             for &(first, weight, view) in &probes {
                 let row = &mut output.probes[first..first + n_sh];
@@ -338,21 +339,24 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + rest
 }
 
-/// Median distance from a probe to the nearest other, metres; of a single probe half of its support radius.
+/// Median distance from a probe to the nearest other, metres, over an even sample of the probes; of a single probe half of its
+/// support radius.
 fn spacing(probes: &ProbeSet) -> f32 {
     let positions = &probes.positions;
     if positions.len() < 2 {
         return 0.5 * probes.radius_m;
     }
-    let nearest = |(index, position): (usize, &Vec3)| {
+    let sampled = positions.len().min(SPACING_SAMPLE);
+    let nearest = |rank: usize| {
+        let index = rank * positions.len() / sampled;
         positions
             .iter()
             .enumerate()
             .filter(|(other, _)| *other != index)
-            .map(|(_, other)| other.distance(*position))
+            .map(|(_, other)| other.distance(positions[index]))
             .fold(f32::INFINITY, f32::min)
     };
-    let mut distances: Vec<f32> = positions.par_iter().enumerate().map(nearest).collect();
+    let mut distances: Vec<f32> = (0..sampled).into_par_iter().map(nearest).collect();
     distances.sort_unstable_by(f32::total_cmp);
     distances[distances.len() / 2].max(f32::MIN_POSITIVE)
 }

@@ -31,26 +31,23 @@ pub(super) fn gram(matrix: &[f32], n_rows: usize) -> Vec<f32> {
     transposed_product(matrix, n, matrix, n)
 }
 
-/// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix and row-major right sides `[n_k][n]`.
-pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Vec<f32> {
+/// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix and row-major right sides `[n_k][n]`; `None` if rounding
+/// left the matrix not positive definite.
+pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Option<Vec<f32>> {
     faer::set_global_parallelism(Par::Seq);
     let matrix = MatRef::from_row_major_slice(system, n, n);
     let n_k = right.len() / n;
     let mut solution = right.to_vec();
     let right = MatMut::from_column_major_slice_mut(&mut solution, n, n_k);
-    let Ok(factor) = matrix.llt(Side::Lower) else {
-        // Only non-finite input does this: the diagonal is raised above every rounding.
-        panic!("a {n} x {n} fit is not positive definite");
-    };
-    factor.solve_in_place(right);
-    solution
+    matrix.llt(Side::Lower).ok()?.solve_in_place(right);
+    Some(solution)
 }
 
 /// Field modes that some probes see best: B `[n_patches][n_modes]`, row-major, with `B Bᵀ` as near to K as n_modes allow in
 /// what `sqrt(weight) Λ` sees of it, and the variance that each adds there, falling.
 ///
 /// `covariance` is K `[n][n]`; `views` are Λ_iᵀ `[n][n_sh]` with their weights. Modes of less than `least` times the mean
-/// variance of a coefficient are left out.
+/// variance of a coefficient are left out; without patches, or if rounding left K not positive definite, there are none.
 ///
 /// K = L Lᵀ; the modes are L times the leading right singular vectors of Λ L, by randomized subspace iteration (Halko,
 /// Martinsson and Tropp 2011).
@@ -65,9 +62,11 @@ pub(super) fn leading_modes(
     faer::set_global_parallelism(Par::Seq);
     let n = views.first().map_or(0, |view| view.len() / n_sh);
     let n_columns = views.len() * n_sh;
-    let matrix = MatRef::from_row_major_slice(covariance, n, n);
-    let Ok(factor) = matrix.llt(Side::Lower) else {
-        panic!("the prior of {n} patches is not positive definite");
+    if n == 0 {
+        return (Vec::new(), 0);
+    }
+    let Ok(factor) = MatRef::from_row_major_slice(covariance, n, n).llt(Side::Lower) else {
+        return (Vec::new(), 0);
     };
     let l = factor.L().to_owned();
     // Λᵀ, [n][n_columns].
@@ -96,7 +95,7 @@ pub(super) fn leading_modes(
     let square = product(projected.transpose(), projected.as_ref());
     let wide = Mat::<f64>::from_fn(width, width, |i, j| f64::from(square[(i, j)]));
     let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else {
-        panic!("modes of {n} patches did not converge");
+        return (Vec::new(), 0);
     };
     let total: f64 = (0..width).map(|mode| eigen.S()[mode].max(0.0)).sum();
     let mean = total / n_columns.max(1) as f64;

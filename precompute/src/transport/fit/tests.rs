@@ -246,3 +246,38 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
     assert!(paper > 1e-4, "the paper's row lets some of the lamp through: {paper}");
     assert!(fitted < 0.3 * paper, "{fitted} {paper}");
 }
+
+#[test]
+fn a_leaf_without_anything_to_see_keeps_its_rows() {
+    // One triangle in the open: no gather ray meets anything.
+    let floor = Mesh {
+        positions: vec![Vec3::new(-5.0, 0.0, -5.0), Vec3::new(0.0, 0.0, 9.0), Vec3::new(5.0, 0.0, -5.0)],
+        normals: vec![Vec3::Y; 3],
+        triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
+    };
+    let scene =
+        localprt_scenes::Scene { meshes: vec![floor], materials: vec![Material::default()], ..Default::default() };
+    let gather = GatherSet::new(64, 0, 0);
+    for probe in [Vec3::new(0.0, 30.0, 0.0), Vec3::new(0.0, -1.0, 0.0)] {
+        let setup = Setup::new(&[(Vec3::ZERO, Vec3::Y)], &[probe], 40.0);
+        let rows = setup.with(&scene, &gather, [2, 1], true, |transport, members| {
+            transport.rows(&transport.leaf(members), members)
+        });
+        assert!(rows.rows[..9].iter().all(|&value| value == 0.0));
+    }
+}
+
+#[test]
+fn a_room_of_lamps_alone_keeps_the_papers_rows() {
+    let mut scene = room(HALF, None);
+    scene.materials[0].emission = Vec3::ONE;
+    let setup = Setup::new(&some_receivers(HALF), &some_probes(7, HALF), 8.0);
+    let gather = GatherSet::new(256, 0, 0);
+    let [paper, fitted] = [false, true].map(|fitted| {
+        setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
+            transport.rows(&transport.leaf(members), members).rows
+        })
+    });
+    assert_eq!(paper, fitted);
+}
