@@ -16,8 +16,10 @@ use localprt_runtime::{
 use localprt_scenes::{Lighting, Scene, builtin};
 use std::path::PathBuf;
 
-/// Settings that bake a small room in a second or two. Rows are fitted: the paper's, which they start from, have closed
-/// forms of their own in the bake library.
+/// Both ways to make transport rows, for what must hold of either.
+pub const TRANSPORTS: [Transport; 2] = [Transport::Paper, Transport::Fitted];
+
+/// Settings that bake a small room in a second or two.
 pub fn small_settings() -> BakeSettings {
     BakeSettings {
         probes: Some(16),
@@ -26,7 +28,6 @@ pub fn small_settings() -> BakeSettings {
         direct_map: 128,
         gather_rays: 256,
         relight_rays: 2000,
-        transport: Transport::Fitted,
         ..BakeSettings::default()
     }
 }

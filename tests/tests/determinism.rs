@@ -1,13 +1,15 @@
 //! Same input, same bytes.
 
 use localprt_formats::to_bytes;
-use localprt_tests::{bake, scene, small_settings};
+use localprt_precompute::settings::{BakeSettings, Transport};
+use localprt_tests::{TRANSPORTS, bake, scene, small_settings};
 
 #[test]
 fn the_same_bytes_on_one_thread_and_on_three() {
-    let bytes = |threads: usize, degree: u32| {
+    let bytes = |threads: usize, degree: u32, transport: Transport| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
-        let settings = localprt_precompute::settings::BakeSettings {
+        let settings = BakeSettings {
+            transport,
             receiver_degree: degree,
             probe_degree: 4,
             volume: Some(0.4),
@@ -16,17 +18,17 @@ fn the_same_bytes_on_one_thread_and_on_three() {
         };
         pool.install(|| to_bytes(&bake(scene("cornell"), &settings).arrays).expect("valid arrays"))
     };
-    for degree in [0, 1] {
-        let one = bytes(1, degree);
-        assert!(one == bytes(3, degree), "receiver degree {degree}");
-        assert_eq!(blake3::hash(&one), blake3::hash(&bytes(1, degree)));
+    for (degree, transport) in [0, 1].into_iter().flat_map(|degree| TRANSPORTS.map(|transport| (degree, transport))) {
+        let one = bytes(1, degree, transport);
+        assert!(one == bytes(3, degree, transport), "receiver degree {degree}, {transport:?}");
+        assert_eq!(blake3::hash(&one), blake3::hash(&bytes(1, degree, transport)));
     }
 }
 
 #[test]
 fn another_seed_gives_other_bytes() {
     let of_seed = |seed| {
-        let settings = localprt_precompute::settings::BakeSettings { seed, ..small_settings() };
+        let settings = BakeSettings { seed, ..small_settings() };
         to_bytes(&bake(scene("cornell"), &settings).arrays).expect("valid arrays")
     };
     assert!(of_seed(0) != of_seed(1));

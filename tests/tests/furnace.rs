@@ -1,7 +1,9 @@
 //! A closed box that glows evenly: radiance is the same everywhere and in every direction.
 
+use glam::Vec3;
+use localprt_precompute::settings::{BakeSettings, Transport};
 use localprt_scenes::{
-    Lighting,
+    Lighting, MaterialOverride,
     builtin::{FURNACE_ALBEDO, FURNACE_EMISSION, furnace_irradiance},
 };
 use localprt_tests::{bake, irradiance, mean, scene, small_settings};
@@ -29,9 +31,22 @@ fn the_furnace_settles_at_pi_e_over_one_minus_a() {
 }
 
 #[test]
+fn fitted_rows_hold_constant_light_of_surfaces_that_were_not_known_to_glow() {
+    // Baked dark, so that nothing is set apart as a lamp and the openness of the corners counts; lit as the furnace is.
+    let mut dark = scene("furnace");
+    dark.materials.iter_mut().for_each(|material| material.emission = Vec3::ZERO);
+    let glow = MaterialOverride { albedo: None, emission: Some(Vec3::splat(FURNACE_EMISSION)) };
+    let materials = dark.materials.iter().map(|material| (material.name.clone(), glow)).collect();
+    let settings = BakeSettings { transport: Transport::Fitted, ..small_settings() };
+    let baked = bake(dark, &settings);
+    let values = irradiance(&baked, &Lighting { materials, ..Lighting::default() }, 1);
+    let found = f64::from(mean(values)) / (PI * f64::from(FURNACE_EMISSION));
+    assert!((found - 1.0).abs() < 0.01, "{found}");
+}
+
+#[test]
 fn degree_1_receivers_agree_in_the_furnace() {
-    let settings =
-        localprt_precompute::settings::BakeSettings { receiver_degree: 1, probe_degree: 4, ..small_settings() };
+    let settings = BakeSettings { receiver_degree: 1, probe_degree: 4, ..small_settings() };
     let baked = bake(scene("furnace"), &settings);
     let values = irradiance(&baked, &Lighting::of_scene(&baked.scene), 20);
     let found = f64::from(mean(values));

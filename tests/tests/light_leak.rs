@@ -1,11 +1,16 @@
 //! Light in a sealed room stays there.
 
+use localprt_precompute::settings::{BakeSettings, Transport};
 use localprt_scenes::Lighting;
-use localprt_tests::{bake, irradiance, mean, scene, small_settings};
+use localprt_tests::{TRANSPORTS, bake, irradiance, mean, scene, small_settings};
 
 #[test]
 fn light_in_a_sealed_room_stays_there() {
-    let settings = localprt_precompute::settings::BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    TRANSPORTS.into_iter().for_each(stays_there);
+}
+
+fn stays_there(transport: Transport) {
+    let settings = BakeSettings { probes: Some(24), lightmap: 64, transport, ..small_settings() };
     let baked = bake(scene("two-rooms"), &settings);
     let lighting = Lighting::of_scene(&baked.scene);
     // The lamp is in the left room, the wall between the rooms stands at x = 0.
@@ -22,12 +27,12 @@ fn light_in_a_sealed_room_stays_there() {
     assert!(lit > 0.0);
     let brightest = side(false).map(|value| value.max_element()).fold(0.0f32, f32::max);
     assert!(side(false).count() > 100);
-    assert!(brightest <= 1e-6 * lit, "dark room: {brightest}, lit room: {lit}");
+    assert!(brightest <= 1e-6 * lit, "{transport:?}: dark room: {brightest}, lit room: {lit}");
 }
 
 #[test]
 fn a_doorway_lets_light_through() {
-    let settings = localprt_precompute::settings::BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
     let baked = bake(scene("two-rooms-door"), &settings);
     let values = irradiance(&baked, &Lighting::of_scene(&baked.scene), 3);
     let dark = values.iter().zip(&baked.arrays.receiver_position).filter(|(_, position)| position[0] > 0.1);

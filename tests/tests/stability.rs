@@ -1,10 +1,16 @@
 //! A light that moves slowly makes light that changes slowly: no flicker.
 
 use glam::Vec3;
-use localprt_precompute::{lightmap::Atlas, pipeline::BakeOutput, rays::RayCaster, relight, settings::BakeSettings};
+use localprt_precompute::{
+    lightmap::Atlas,
+    pipeline::BakeOutput,
+    rays::RayCaster,
+    relight,
+    settings::{BakeSettings, Transport},
+};
 use localprt_runtime::{CpuRelighter, RelightInputs};
 use localprt_scenes::Lighting;
-use localprt_tests::{bake, scene, small_settings};
+use localprt_tests::{TRANSPORTS, bake, scene, small_settings};
 
 const FRAMES: usize = 24;
 const STEP_M: f32 = 0.01;
@@ -50,9 +56,16 @@ fn roughness(baked: &BakeOutput) -> (f64, f64) {
 
 #[test]
 fn a_slowly_moving_light_does_not_flicker() {
-    let mut baked = bake(scene("cornell"), &small_settings());
+    TRANSPORTS.into_iter().for_each(does_not_flicker);
+}
+
+fn does_not_flicker(transport: Transport) {
+    let settings = BakeSettings { transport, ..small_settings() };
+    let mut baked = bake(scene("cornell"), &settings);
     let (change, flicker) = roughness(&baked);
-    eprintln!("a centimetre of the light changes receivers by {change:.4} of the mean, {flicker:.5} of it unevenly");
+    eprintln!(
+        "{transport:?}: a centimetre of the light changes receivers by {change:.4} of the mean, {flicker:.5} of it unevenly"
+    );
     assert!(change > 1e-3, "the light moves, but nothing changes: {change}");
     // Without mip levels, relight rays read single texels of the light map, and shadow edges jump from ray to ray.
     baked.arrays.ray_level.iter_mut().filter(|level| **level <= 15).for_each(|level| *level = 0);
@@ -60,7 +73,7 @@ fn a_slowly_moving_light_does_not_flicker() {
     eprintln!("without mip levels: {without_mips:.5}");
     assert!(flicker < without_mips, "mip levels smooth: {flicker}, without {without_mips}");
     // What is left are shadow edges that jump from texel to texel of a light map of 128: a finer one has smaller jumps.
-    let finer = bake(scene("cornell"), &BakeSettings { direct_map: 512, relight_rays: 8000, ..small_settings() });
+    let finer = bake(scene("cornell"), &BakeSettings { direct_map: 512, relight_rays: 8000, ..settings });
     let (_, of_finer) = roughness(&finer);
     eprintln!("with 512 texels and 8000 rays: {of_finer:.5}");
     assert!(of_finer < 0.6 * flicker, "512 texels: {of_finer}, 128: {flicker}");

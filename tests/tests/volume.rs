@@ -1,10 +1,10 @@
 //! Light in the open space, for objects that move.
 
 use glam::Vec3;
-use localprt_precompute::settings::BakeSettings;
+use localprt_precompute::settings::{BakeSettings, Transport};
 use localprt_runtime::Validity;
 use localprt_scenes::{Lighting, Material, Mesh, Scene, Sky, builtin::furnace_irradiance};
-use localprt_tests::{bake, irradiance, mean, relit, scene, small_settings};
+use localprt_tests::{TRANSPORTS, bake, irradiance, mean, relit, scene, small_settings};
 use std::f32::consts::PI;
 
 #[test]
@@ -88,8 +88,12 @@ fn a_constant_sky_is_radiance_without_direction() {
 
 #[test]
 fn a_sealed_dark_room_stays_exactly_dark() {
-    let settings =
-        BakeSettings { probes: Some(24), lightmap: 64, volume: Some(0.4), volume_degree: 1, ..small_settings() };
+    TRANSPORTS.into_iter().for_each(stays_exactly_dark);
+}
+
+fn stays_exactly_dark(transport: Transport) {
+    let room = BakeSettings { probes: Some(24), lightmap: 64, transport, ..small_settings() };
+    let settings = BakeSettings { volume: Some(0.4), volume_degree: 1, ..room };
     let baked = bake(scene("two-rooms"), &settings);
     let lighting = Lighting::of_scene(&baked.scene);
     // The lamp is in the left room, the wall between the rooms stands at x = 0.

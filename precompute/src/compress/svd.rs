@@ -1,4 +1,4 @@
-//! Truncated singular value decomposition; the only file that names faer.
+//! Truncated singular value decomposition; with the matrices of the fit, the only file that names faer.
 //!
 //! Randomised subspace iteration (Halko, Martinsson and Tropp 2011): a few more random directions than wanted, two power
 //! iterations, and the exact decomposition of the small projected matrix. What is left out is measured by the caller
@@ -128,13 +128,13 @@ fn squared_norm(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
 }
 
-fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
+pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
     let mut result = Mat::zeros(a.nrows(), b.ncols());
     matmul(&mut result, Accum::Replace, a, b, 1.0, Par::Seq);
     result
 }
 
-fn orthonormal(matrix: &Mat<f32>) -> Mat<f32> {
+pub(crate) fn orthonormal(matrix: &Mat<f32>) -> Mat<f32> {
     matrix.qr().compute_thin_Q()
 }
 

@@ -3,7 +3,7 @@
 //! Surfaces in gaps and corners are dark more often than not, and a probe that sees the bright surface beside a gap says
 //! nothing of the sort. The prior's scale s(y) tells the fit: the square of the cosine-weighted mean of t / (t + t0) over
 //! the rays from y, t their length and t0 a share of the probe spacing. Without it, receivers a hand's breadth from a
-//! surface take over the light of lit surfaces around (nrmse of a staircase 1.07 instead of 0.22).
+//! surface take over the light of lit surfaces around (nrmse of 100 receivers of a staircase in a trial: 1.07, and 0.22 with it).
 
 use super::Surface;
 use crate::{

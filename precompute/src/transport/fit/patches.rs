@@ -54,7 +54,7 @@ pub(super) struct Place {
     pub glows: bool,
 }
 
-/// Keys are mixed already.
+/// Spreads keys, which are bits side by side, over the table.
 #[derive(Default)]
 struct KeyHasher(u64);
 

@@ -1,5 +1,6 @@
 //! Small dense matrices of the fit; with the singular values, the only file that names faer. One thread, f32 unless said.
 
+use crate::compress::svd::{orthonormal, product};
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul, prelude::Solve};
 use localprt_formats::directions::counter_uniform;
 
@@ -108,14 +109,4 @@ pub(super) fn leading_modes(
         values.extend(turned.row(row).iter());
     }
     (values, n_modes)
-}
-
-fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
-    let mut result = Mat::zeros(a.nrows(), b.ncols());
-    matmul(&mut result, Accum::Replace, a, b, 1.0, Par::Seq);
-    result
-}
-
-fn orthonormal(matrix: &Mat<f32>) -> Mat<f32> {
-    matrix.qr().compute_thin_Q()
 }
