@@ -18,6 +18,7 @@
 pub mod arguments;
 pub mod clusters;
 pub mod compress;
+mod emitters;
 pub mod error;
 pub mod figures;
 pub mod inputs;

@@ -103,6 +103,16 @@ impl GatherSet {
         }
     }
 
+    /// Rays per steradian in a direction, given its cosine with the normal.
+    pub fn density(&self, cosine: f32) -> f32 {
+        let n = self.directions.len() as f32;
+        match self.domain {
+            Domain::Cosine => n * cosine / PI,
+            Domain::Hemisphere => n / (2.0 * PI),
+            Domain::Sphere => n / (4.0 * PI),
+        }
+    }
+
     /// Degree of the receiver outputs.
     pub fn receiver_degree(&self) -> u32 {
         self.receiver_degree

@@ -1,7 +1,7 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{Domain, RayCounts, TransportScene, fit::Surface};
-use crate::rays::{OccluderHint, frame};
+use crate::rays::{OccluderHint, SurfaceHit, frame};
 use glam::Vec3;
 use localprt_formats::{
     sh::{self, Directions, LANES},
@@ -34,6 +34,14 @@ pub(super) struct Found {
     pub hit_weights: Vec<f32>,
     /// `[n_supporting]` weight kernel times the share of the surface points that the probe sees, cosine-weighted.
     pub seen_weights: Vec<f32>,
+}
+
+impl Found {
+    /// Takes in a surface point with `share` times the weights `[n_k]` of a gather ray.
+    fn add(&mut self, hit: &SurfaceHit, surface: Surface, weights: &[f32], share: f32) {
+        self.hits.push(SeenHit { position: hit.position, normal: hit.normal, surface });
+        self.hit_weights.extend(weights.iter().map(|weight| weight * share));
+    }
 }
 
 /// A surface point that a receiver and a supporting probe see.
@@ -172,15 +180,40 @@ pub(super) fn receiver_rows(
             continue;
         }
         if let Some(fit) = scene.fit {
-            let surface = fit.surface(caster, &point);
-            workspace.found.hits.push(SeenHit { position: hit.position, normal: hit.normal, surface });
-            workspace.found.hit_weights.extend_from_slice(&workspace.weights);
+            let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
+            workspace.found.add(&hit, fit.surface(caster, &point), &workspace.weights, share);
         }
         for &(slot, psi) in &workspace.visible {
             let slot = slot as usize;
             workspace.found.seen_weights[slot] += share;
             // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
             workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
+        }
+    }
+
+    if let Some(fit) = scene.fit {
+        // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
+        for &sample in fit.emitter_samples() {
+            let dir = (sample.1 - origin).normalize_or_zero();
+            let density = gather.density(dir.dot(normal));
+            if density <= 0.0 || gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
+                continue;
+            }
+            rays.gather += 1;
+            let Some((hit, share)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
+            let Some(point) = hit.point else { continue };
+            let seen_point = hit.position + hit.normal * caster.offset_m();
+            let is_seen = probes.iter().enumerate().any(|(slot, &(probe, weight))| {
+                if weight <= 0.0 || (probe - hit.position).dot(hit.normal) <= caster.offset_m() {
+                    return false;
+                }
+                rays.visibility += 1;
+                caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot])
+            });
+            if is_seen {
+                gather.weights(dir, &receiver_basis, &mut workspace.weights);
+                workspace.found.add(&hit, fit.surface(caster, &point), &workspace.weights, share);
+            }
         }
     }
 

@@ -34,13 +34,15 @@ mod tests;
 
 use super::kernel::{Found, OutputSums};
 use crate::{
+    emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
     probes::ProbeSet,
-    rays::{FacePoint, RayCaster},
+    rays::{FacePoint, RayCaster, SurfaceHit},
 };
 use field::Modes;
 use glam::Vec3;
 use localprt_formats::{directions::spherical_fibonacci, sh};
+use localprt_scenes::{FaceId, Lighting, SurfaceShading};
 use openness::Openness;
 use patches::{Cut, Patches};
 use rayon::prelude::*;
@@ -67,6 +69,9 @@ const RIDGE: f32 = 1e-3;
 /// t of (F2) is this times the mean variance of a probe's coefficient.
 const RIDGE_SCALE: f32 = 50.0;
 
+/// Points of what emits that every receiver looks for.
+const EMITTER_SAMPLES: u32 = 256;
+
 /// Probes whose nearest neighbors are looked for.
 const SPACING_SAMPLE: usize = 1024;
 
@@ -79,6 +84,9 @@ pub struct FitScene {
     /// `[n_probes]` what the relight rays of each see, by rising ray.
     views: Vec<Vec<SeenPoint>>,
     openness: Openness,
+    emitters: Emitters,
+    /// Points of what emits, with their faces: the same for all receivers.
+    emitter_samples: Vec<(FaceId, Vec3)>,
 }
 
 /// A surface point that a relight ray meets.
@@ -104,6 +112,8 @@ pub struct LeafFit {
     /// Union of the supporting probes, rising.
     probes: Vec<u32>,
     n_sh: usize,
+    /// Edge of the finest patches over what it is at its least.
+    coarseness: f32,
     patches: Patches,
     modes: Modes,
     /// By place in `probes`.
@@ -147,7 +157,41 @@ impl FitScene {
             dirs.iter().enumerate().filter_map(look).collect()
         };
         let views = probes.positions.par_iter().map(see).collect();
-        Self { spacing_m, table, views, openness }
+        let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
+        let emitter_samples = if emitters.is_empty() {
+            Vec::new()
+        } else {
+            (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
+        };
+        Self { spacing_m, table, views, openness, emitters, emitter_samples }
+    }
+
+    /// Points at which receivers look for what emits; none where nothing does.
+    pub(super) fn emitter_samples(&self) -> &[(FaceId, Vec3)] {
+        &self.emitter_samples
+    }
+
+    /// Which share of its light a gather ray keeps, as samples of what emits bring the rest: 1 where nothing emits.
+    ///
+    /// Balance heuristic (Veach and Guibas 1995); `density` counts gather rays per steradian.
+    pub(super) fn share_of_gather(&self, hit: &SurfaceHit, dir: Vec3, density: f32) -> f32 {
+        if self.emitter_samples.is_empty() {
+            return 1.0;
+        }
+        balance(density, self.emitters.density(hit, dir))
+    }
+
+    /// What a receiver sees of a sample, and the share of a gather ray's weight in that direction that it brings.
+    pub(super) fn meet_emitter(
+        &self,
+        caster: &RayCaster<'_>,
+        origin: Vec3,
+        dir: Vec3,
+        sample: (FaceId, Vec3),
+        density: f32,
+    ) -> Option<(SurfaceHit, f32)> {
+        let (hit, by_emitter) = self.emitters.meet(caster, origin, dir, sample)?;
+        Some((hit, balance(density, by_emitter)))
     }
 
     /// What the prior knows of a surface point.
@@ -203,7 +247,8 @@ impl FitScene {
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        LeafFit { probes: probes.to_vec(), n_sh, patches, modes, views }
+        let coarseness = patches.cut().finest_m / (FINEST * self.spacing_m);
+        LeafFit { probes: probes.to_vec(), n_sh, coarseness, patches, modes, views }
     }
 
     /// σ_c u_i, `[n_sh]`.
@@ -293,7 +338,7 @@ impl LeafFit {
             system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
             variance += weight / total * view.variance;
         }
-        let ridge = RIDGE * RIDGE_SCALE * variance;
+        let ridge = RIDGE * self.coarseness * RIDGE_SCALE * variance;
         if ridge <= 0.0 {
             return vec![0.0; n_k];
         }
@@ -337,6 +382,18 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
         }
     }
     sums.iter().sum::<f32>() + rest
+}
+
+/// Light found in a direction counts this much of what a gather ray there counts, from either way of sampling.
+fn balance(gather_density: f32, emitter_density: f32) -> f32 {
+    gather_density / (gather_density + EMITTER_SAMPLES as f32 * emitter_density).max(f32::MIN_POSITIVE)
+}
+
+/// An additive recurrence in the plane (Roberts 2018) over triangles in order.
+fn emitter_sample(emitters: &Emitters, index: u32) -> (FaceId, Vec3) {
+    let which = (f64::from(index) + 0.5) / f64::from(EMITTER_SAMPLES);
+    let place = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2].map(|step| (step * f64::from(index + 1)).fract());
+    emitters.sample(which, place)
 }
 
 /// Median distance from a probe to the nearest other, metres, over an even sample of the probes; of a single probe half of its

@@ -9,13 +9,17 @@ use super::Surface;
 use crate::{
     lightmap::{Atlas, ReceiverSet},
     rays::{FacePoint, RayCaster, frame},
+    validate::metrics::luminance,
 };
 use glam::{Vec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
+use localprt_scenes::Scene;
 use rayon::prelude::*;
 
 /// Power of the openness.
 const EXPONENT: i32 = 2;
+/// Surfaces count as no darker than this.
+const LEAST_ALBEDO: f32 = 0.05;
 /// Rays of each receiver.
 const RAYS: u32 = 64;
 
@@ -68,10 +72,11 @@ impl Openness {
     pub(super) fn surface(&self, caster: &RayCaster<'_>, point: &FacePoint) -> Surface {
         let scene = caster.scene();
         let glows = scene.materials[scene.meshes[point.mesh].material].emission != Vec3::ZERO;
-        let scale = if glows { 1.0 } else { self.scale(point) };
+        let scale = if glows { 1.0 } else { self.scale(point) * albedo(scene, point) };
         Surface { scale, glows }
     }
 
+    /// Openness alone.
     fn scale(&self, point: &FacePoint) -> f32 {
         if self.size == 0 {
             return 1.0;
@@ -81,4 +86,10 @@ impl Openness {
         let texel = (uv * self.size as f32).clamp(Vec2::ZERO, Vec2::splat(self.size as f32 - 1.0));
         self.scale[texel.y as usize * self.size as usize + texel.x as usize]
     }
+}
+
+/// Brightness of the surface's own albedo; not less than what a change of material at run time may make of it.
+fn albedo(scene: &Scene, point: &FacePoint) -> f32 {
+    let color = scene.base_color(point.mesh, point.triangle, point.barycentrics).truncate();
+    (luminance(color.as_dvec3()) as f32).clamp(LEAST_ALBEDO, 1.0)
 }

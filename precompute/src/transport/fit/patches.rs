@@ -78,7 +78,7 @@ impl Patches {
         Self { cut, index: HashMap::default(), patches: Vec::new() }
     }
 
-    #[cfg(test)]
+    /// How fine they are.
     pub(super) fn cut(&self) -> Cut {
         self.cut
     }

@@ -72,7 +72,7 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
     let mut system = g;
     for slot in 0..support.len() {
         for j in slot * n_sh..(slot + 1) * n_sh {
-            system[(j, j)] += f64::from(RIDGE) * t / f64::from(found.seen_weights[slot]);
+            system[(j, j)] += f64::from(RIDGE * leaf.coarseness) * t / f64::from(found.seen_weights[slot]);
         }
     }
     let right = &lambda * &covariance * (e - lambda.transpose() * &a0);
@@ -201,6 +201,38 @@ fn rows_do_not_depend_on_the_other_members_and_the_sky_is_left_alone() {
             assert_ne!(fitted[..7 * 16], paper[..7 * 16]);
             assert_eq!(fitted[7 * 16..], paper[7 * 16..]);
         }
+    }
+}
+
+#[test]
+fn a_small_lamp_is_found_by_few_gather_rays() {
+    // 0.1 m at 2.5 m: of 64 rays hardly one meets it. A small lamp is a point, E = A cos cos / d^2.
+    let mut scene = room(HALF, None);
+    let lamp = Vec3::new(0.3, 1.2, 0.4);
+    let corner = |x: f32, z: f32| lamp + 0.05 * Vec3::new(x, 0.0, z);
+    scene.meshes.push(Mesh {
+        positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        normals: vec![-Vec3::Y; 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        material: 1,
+        ..Mesh::default()
+    });
+    scene.materials.push(Material { name: "lamp".into(), emission: Vec3::ONE, ..Material::default() });
+    let receiver = Vec3::new(0.0, -HALF.y, 0.0);
+    let setup = Setup::new(&[(receiver, Vec3::Y)], &some_probes(7, HALF), 8.0);
+    let way = lamp - receiver;
+    let expected = 0.01 * (way.y / way.length()).powi(2) / way.length_squared();
+    let light = |n_rays: u32| -> f32 {
+        setup.with(&scene, &GatherSet::new(n_rays, 0, 0), [2, 0], true, |transport, _| {
+            let mut workspace = crate::transport::kernel::Workspace::default();
+            crate::transport::kernel::receiver_rows(transport, 0, &mut workspace);
+            let hits = workspace.found.hits.iter().zip(&workspace.found.hit_weights);
+            hits.filter(|(hit, _)| hit.surface.glows).map(|(_, weight)| weight).sum()
+        })
+    };
+    for n_rays in [64, 100_000] {
+        // The lamp fills (0.1 / 2.7)^2: as a point it is off by about that.
+        assert!((light(n_rays) / expected - 1.0).abs() < 2e-3, "{n_rays} rays: {} {expected}", light(n_rays));
     }
 }
 

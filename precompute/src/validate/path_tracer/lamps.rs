@@ -5,7 +5,8 @@
 //! gathers. The light of each lamp is an integral of its own, found by both kinds of rays and combined by the balance
 //! heuristic.
 
-use super::{PathTracer, Random, SurfacePoint, distribution::Distribution};
+use super::{PathTracer, Random, SurfacePoint};
+use crate::emitters::{SAME_POINT, distribution::Distribution};
 use glam::Vec3;
 use localprt_scenes::{Light, LightKind, Scene};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
@@ -14,8 +15,6 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 const MOST_LIGHTS: usize = 8;
 /// How many are drawn.
 const DRAWN: usize = 4;
-/// A joining ray has to end this near to the sampled point, times the ray offset.
-pub(super) const SAME_POINT: f32 = 4.0;
 /// Spots with a smaller share of the sphere are left to the cosine: f32 cannot tell directions within them apart.
 const LEAST_CONE: f32 = 1e-6;
 

@@ -12,8 +12,6 @@
 //! heuristic, Veach and Guibas 1995). Paths end by Russian roulette, so a large number of gathers costs little and is the
 //! converged solution.
 
-mod distribution;
-mod emitters;
 mod estimate;
 mod lamps;
 mod picture;
@@ -25,10 +23,12 @@ pub(crate) use super::metrics::luminance;
 pub use estimate::{Estimates, PathBudget};
 pub use picture::{PixelLight, ViewLight, ViewSettings};
 
-use crate::rays::{RayCaster, SurfaceHit, frame};
-use emitters::Emitters;
+use crate::{
+    emitters::Emitters,
+    rays::{RayCaster, SurfaceHit, frame},
+};
 use glam::Vec3;
-use lamps::{FoundByCosine, Lamps, SAME_POINT};
+use lamps::{FoundByCosine, Lamps};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, SurfaceShading};
 use sky::SkySampler;
@@ -168,19 +168,9 @@ impl<'a> PathTracer<'a> {
         if cosine <= 0.0 || point.geometric_normal.dot(dir) <= 0.0 {
             return Vec3::ZERO;
         }
-        let Some(hit) = self.caster.closest_hit(origin, dir) else { return Vec3::ZERO };
-        // Rounding may lead to the triangle beside it, of which this side glows as well.
-        let near = SAME_POINT * self.caster.offset_m();
-        let scene = self.caster.scene();
-        let is_beside = || {
-            let (mesh, triangle) = self.emitters.place(face);
-            hit.position.distance(target) <= near && scene.geometric_normal(mesh, triangle).dot(dir) < 0.0
-        };
-        let Some(seen) = hit.point.filter(|seen| seen.face == face || is_beside()) else { return Vec3::ZERO };
-        let by_emitter = self.emitters.density(&hit, dir);
-        if by_emitter <= 0.0 {
-            return Vec3::ZERO;
-        }
+        let met = self.emitters.meet(self.caster, origin, dir, (face, target));
+        let Some((hit, by_emitter)) = met else { return Vec3::ZERO };
+        let Some(seen) = hit.point else { return Vec3::ZERO };
         let emission = self.shading.emission(seen.mesh, seen.triangle, seen.barycentrics);
         emission * cosine / (by_emitter + cosine * FRAC_1_PI)
     }

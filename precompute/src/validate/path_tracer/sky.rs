@@ -1,6 +1,6 @@
 //! Sky images, to be sampled by brightness: a sun in one covers few directions.
 
-use super::distribution::Distribution;
+use crate::emitters::distribution::Distribution;
 use glam::{DVec3, Vec3};
 use localprt_scenes::Sky;
 use std::f64::consts::{PI, TAU};

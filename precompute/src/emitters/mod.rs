@@ -1,15 +1,19 @@
 //! Emissive triangles, to be sampled by area and brightness.
 
-use super::distribution::Distribution;
-use crate::rays::SurfaceHit;
+pub(crate) mod distribution;
+
+use crate::rays::{RayCaster, SurfaceHit};
+use distribution::Distribution;
 use glam::Vec3;
 use localprt_scenes::{FaceId, Scene, SurfaceShading};
 
 /// Points of a triangle, per edge, at which a textured emission is looked up to weigh the triangle.
 const LOOKUPS: u32 = 4;
+/// A joining ray has to end this near to the sampled point, times the ray offset.
+pub(crate) const SAME_POINT: f32 = 4.0;
 
 /// All emissive triangles under one lighting state.
-pub(super) struct Emitters {
+pub(crate) struct Emitters {
     triangles: Vec<Emitter>,
     /// Of the triangles.
     choice: Distribution,
@@ -26,7 +30,7 @@ struct Emitter {
 
 impl Emitters {
     /// Triangles are drawn in proportion to area times emission, its brightest band.
-    pub(super) fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
+    pub(crate) fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
         let mut emitters = Self { triangles: Vec::new(), choice: Distribution::default(), density: Vec::new() };
         if !shading.any_emission() {
             return emitters;
@@ -51,18 +55,12 @@ impl Emitters {
         emitters
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
-    /// Mesh and triangle of an emissive face.
-    pub(super) fn place(&self, face: FaceId) -> (usize, usize) {
-        let index = self.triangles.partition_point(|emitter| emitter.face < face).min(self.triangles.len() - 1);
-        (self.triangles[index].mesh, self.triangles[index].triangle)
-    }
-
     /// A point of an emissive triangle.
-    pub(super) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
+    pub(crate) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
         let index = self.choice.choose(which);
         let [a, b, c] = self.triangles[index].corners;
         // Uniform over the triangle (Turk 1990).
@@ -71,8 +69,32 @@ impl Emitters {
         (self.triangles[index].face, a * weights[0] + b * weights[1] + c * weights[2])
     }
 
+    /// What a ray towards a sample meets, and the density per steradian of samples there; `None` where something else is
+    /// in the way, or the face does not emit towards `origin`. Traces one ray.
+    pub(crate) fn meet(
+        &self,
+        caster: &RayCaster<'_>,
+        origin: Vec3,
+        dir: Vec3,
+        (face, target): (FaceId, Vec3),
+    ) -> Option<(SurfaceHit, f32)> {
+        let hit = caster.closest_hit(origin, dir)?;
+        // Rounding may lead to the triangle beside it, of which this side glows as well.
+        let is_beside = || {
+            let index = self.triangles.partition_point(|emitter| emitter.face < face).min(self.triangles.len() - 1);
+            let Emitter { mesh, triangle, .. } = self.triangles[index];
+            hit.position.distance(target) <= SAME_POINT * caster.offset_m()
+                && caster.scene().geometric_normal(mesh, triangle).dot(dir) < 0.0
+        };
+        if hit.point?.face != face && !is_beside() {
+            return None;
+        }
+        let density = self.density(&hit, dir);
+        (density > 0.0).then_some((hit, density))
+    }
+
     /// Density, per steradian, with which [`Emitters::sample`] would have led from the ray's origin to its hit.
-    pub(super) fn density(&self, hit: &SurfaceHit, dir: Vec3) -> f32 {
+    pub(crate) fn density(&self, hit: &SurfaceHit, dir: Vec3) -> f32 {
         let Some(point) = hit.point else { return 0.0 };
         let by_area = self.density.get(point.face.0 as usize).copied().unwrap_or(0.0);
         let cosine = hit.normal.dot(dir).abs();

@@ -1,0 +1,158 @@
+//! Errors of the transport rows of a baked file before compression, the paper's and, where it has them, fitted ones, under
+//! any number of lightings: the tables of `docs/fitted-transport.md`.
+//!
+//! Usage: `cargo run --release --example transport_error -- FILE.lprt RECEIVERS BOUNCES [LIGHTS.json ..]`, `-` for the scene's
+//! own lights. With `REFERENCES=folder` the path-traced references are kept there and found again, for any file that was
+//! baked from the same scene at the same lightmap size; with `WORST=n` the n receivers with the largest errors are listed.
+
+use glam::Vec3;
+use localprt_precompute::{
+    inputs,
+    progress::Progress,
+    validate::{
+        Subject, last_leg, lit,
+        metrics::{MethodError, mean},
+        path_tracer::{PathBudget, PathTracer},
+    },
+};
+use localprt_scenes::Lighting;
+use std::{
+    error::Error,
+    fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    path::Path,
+};
+
+const SEED: u64 = 1;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [file, receivers, bounces, lights @ ..] = arguments.as_slice() else {
+        return Err("usage: transport_error FILE.lprt RECEIVERS BOUNCES [LIGHTS.json ..]".into());
+    };
+    let (receivers, bounces): (usize, u32) = (receivers.parse()?, bounces.parse()?);
+    let progress = Progress::silent();
+    let baked = inputs::baked(Path::new(file))?;
+    let scene = inputs::baked_scene(Path::new(file), baked.view().metadata, None)?;
+    let caster = inputs::caster(&scene)?;
+    let subject = Subject::new(baked.view(), &caster, &progress)?;
+
+    // By texel, so that all files of a scene are measured at the same receivers; in file order, where neighbors are near.
+    let mut by_texel: Vec<u32> = (0..subject.len() as u32).collect();
+    by_texel.sort_unstable_by_key(|&receiver| subject.view.receiver_texel[receiver as usize]);
+    let count = receivers.min(by_texel.len());
+    let mut sample: Vec<u32> = (0..count).map(|index| by_texel[index * by_texel.len() / count]).collect();
+    sample.sort_unstable();
+    let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
+
+    for lights in lights {
+        let path = (lights != "-").then(|| Path::new(lights));
+        let lighting = inputs::lighting(path, &scene)?;
+        let texels: Vec<u32> = sample.iter().map(|&receiver| subject.view.receiver_texel[receiver as usize]).collect();
+        let kept = kept_at(&(scene.hash, bounces, lighting.to_json().to_string(), sorted(&texels)));
+        let reference = match kept.as_deref().and_then(|kept| read(kept, &texels)) {
+            Some(reference) => reference,
+            None => {
+                let tracer = PathTracer::new(&caster, &lighting, bounces, SEED);
+                let reference = tracer.estimate(&points, PathBudget::default(), &progress)?.irradiance;
+                if let Some(kept) = kept {
+                    write(&kept, &texels, &reference)?;
+                }
+                reference
+            }
+        };
+        report(&subject, &lighting, lights, bounces, &sample, &reference)?;
+    }
+    Ok(())
+}
+
+fn report(
+    subject: &Subject<'_>,
+    lighting: &Lighting,
+    name: &str,
+    bounces: u32,
+    sample: &[u32],
+    reference: &[Vec3],
+) -> Result<(), Box<dyn Error>> {
+    let progress = Progress::silent();
+    let lit = lit::light(subject, lighting, bounces, &progress)?;
+    let legs = last_leg::last_leg(subject, &lit, lighting, sample, &progress)?;
+    let paper: Vec<Vec3> = legs.iter().map(|leg| leg.paper).collect();
+    let rows: Vec<Vec3> = legs.iter().map(|leg| leg.uncompressed).collect();
+    let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
+    let of = |values: &[Vec3]| MethodError::of(values, reference).ok_or("no light reaches any receiver");
+    let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let (a, b, c) = (of(&paper)?, of(&rows)?, of(&compressed)?);
+    println!(
+        "{name}: nrmse {:.4} -> {:.4} ({:.2}), median {:.4} -> {:.4}, 95 % {:.3} -> {:.3}, 99 % {:.2} -> {:.2}, bias {:+.1} -> \
+         {:+.1} %, compressed {:.4}",
+        a.nrmse,
+        b.nrmse,
+        b.nrmse / a.nrmse,
+        a.median_relative,
+        b.median_relative,
+        a.p95_relative,
+        b.p95_relative,
+        a.p99_relative,
+        b.p99_relative,
+        100.0 * a.bias,
+        100.0 * b.bias,
+        c.nrmse,
+    );
+    let worst: usize = std::env::var("WORST").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
+    let mean = mean(reference) as f32;
+    let error = |values: &[Vec3], index: usize| (values[index] - reference[index]).length() / mean;
+    let mut order: Vec<usize> = (0..sample.len()).collect();
+    order.sort_by(|&a, &b| {
+        let largest = |index| error(&rows, index).max(error(&paper, index));
+        largest(b).total_cmp(&largest(a))
+    });
+    for &index in order.iter().take(worst) {
+        let point = subject.point(sample[index]);
+        println!(
+            "  {} at {:.2} facing {:.1}: reference {:.3}, paper {:.3}, rows {:.3}, compressed {:.3} of the mean; near {:.2}, probes {}",
+            sample[index],
+            point.position,
+            point.normal,
+            reference[index].element_sum() / 3.0 / mean,
+            paper[index].element_sum() / 3.0 / mean,
+            rows[index].element_sum() / 3.0 / mean,
+            compressed[index].element_sum() / 3.0 / mean,
+            legs[index].near,
+            subject.supporting(sample[index]).len(),
+        );
+    }
+    Ok(())
+}
+
+fn sorted(texels: &[u32]) -> Vec<u32> {
+    let mut sorted = texels.to_vec();
+    sorted.sort_unstable();
+    sorted
+}
+
+/// Where the references of something are kept, if they are.
+fn kept_at(what: &impl Hash) -> Option<std::path::PathBuf> {
+    let mut hasher = DefaultHasher::new();
+    what.hash(&mut hasher);
+    Some(Path::new(&std::env::var_os("REFERENCES")?).join(format!("{:016x}", hasher.finish())))
+}
+
+/// Kept as texel and irradiance, a line each.
+fn read(path: &Path, texels: &[u32]) -> Option<Vec<Vec3>> {
+    let text = fs::read_to_string(path).ok()?;
+    let values: std::collections::HashMap<u32, Vec3> = text
+        .lines()
+        .filter_map(|line| {
+            let numbers: Vec<f32> = line.split(' ').skip(1).filter_map(|number| number.parse().ok()).collect();
+            Some((line.split(' ').next()?.parse().ok()?, Vec3::from_slice(numbers.get(..3)?)))
+        })
+        .collect();
+    texels.iter().map(|texel| values.get(texel).copied()).collect()
+}
+
+fn write(path: &Path, texels: &[u32], reference: &[Vec3]) -> std::io::Result<()> {
+    let lines =
+        texels.iter().zip(reference).map(|(texel, light)| format!("{texel} {} {} {}\n", light.x, light.y, light.z));
+    fs::write(path, lines.collect::<String>())
+}
