@@ -7,24 +7,28 @@
 //! together by one price of an error against a byte (Chou, Lookabaugh and Gray 1989); the highest price of bytes at which
 //! the leaf's RMS error per row stays within the threshold wins.
 //!
+//! Where rows are fitted an error of a row counts by what it does to irradiance (the rows' [`Metric`]): what hardly occurs
+//! in light, fine detail as a probe sees it above all, need not be kept. See `docs/fitted-transport.md`.
+//!
 //! Differs from the paper: there the threshold holds for each cluster. Holding it for each leaf lets receivers whose rows
 //! differ by sampling noise keep a little more error than those with smooth rows.
 
 use super::Cluster;
 use crate::{
     compress::{
-        CompressedRows, compress, least_rank,
-        svd::{TruncatedSvd, truncated_svd},
+        CompressedRows, compress, compress_weighted, least_rank,
+        svd::{TruncatedSvd, row_product, truncated_svd},
     },
-    transport::TransportRows,
+    transport::{Metric, TransportRows},
 };
 use glam::Vec3;
 use nalgebra::{DMatrix, DVector};
+use std::rc::Rc;
 
 /// When a leaf is good enough.
 #[derive(Clone, Copy, Debug)]
 pub struct RefineSettings {
-    /// Largest RMS error per row.
+    /// Largest RMS error per row, as the rows' metric has it.
     pub threshold: f64,
     /// Most singular values.
     pub max_coefficients: usize,
@@ -55,6 +59,17 @@ struct Part {
     n_sky: usize,
     n_columns: usize,
     rows: Vec<f32>,
+    weighted: Option<Weighted>,
+}
+
+/// Rows of a part as their errors count.
+struct Weighted {
+    /// Of the leaf.
+    metric: Rc<Metric>,
+    /// Which of the leaf's columns the part has.
+    columns: Vec<u32>,
+    /// T W, `[n_rows][n]`.
+    rows: Vec<f32>,
 }
 
 /// A node of the tree of parts.
@@ -81,7 +96,13 @@ struct Choice {
 /// receivers.
 pub fn refine(members: &[u32], positions: &[Vec3], rows: TransportRows, settings: &RefineSettings) -> Vec<Cluster> {
     let n_k = rows.n_k;
+    let weighted = rows.metric.map(|metric| Weighted {
+        rows: row_product(&rows.rows, rows.n_columns, &metric.matrix, metric.n),
+        columns: (0..rows.n_columns as u32).collect(),
+        metric: Rc::new(metric),
+    });
     let whole = Part {
+        weighted,
         members: members.to_vec(),
         unseen: rows.unseen,
         probes: rows.probes,
@@ -170,7 +191,7 @@ fn choose(tree: &[Node], price: f64) -> Vec<Choice> {
 /// The best number of values of one part for a price of a byte in squared error.
 fn best_rank(part: &Part, svd: &TruncatedSvd, price: f64) -> Choice {
     let fixed = RECORD_BYTES + 4.0 * part.probes.len() as f64;
-    let per_value = 2.0 * (svd.n_columns as f64 + svd.n_rows as f64);
+    let per_value = 2.0 * (part.n_columns as f64 + svd.n_rows as f64);
     let mut best = Choice { error: svd.norm_squared, bytes: fixed, rank: Some(0) };
     let mut kept = best;
     for (value, sigma_squared) in svd.sigma_squared.iter().enumerate() {
@@ -202,7 +223,10 @@ impl Part {
     /// The part with its first `rank` singular values; one that keeps none needs no columns.
     fn cluster(&self, svd: &TruncatedSvd, rank: usize) -> Cluster {
         let rows = if rank == 0 {
-            CompressedRows::none(&self.rows, svd.n_rows, self.n_columns)
+            let (rows, n) = self.measured();
+            CompressedRows::none(rows, svd.n_rows, n)
+        } else if let Some(weighted) = &self.weighted {
+            compress_weighted(&self.rows, &weighted.rows, &weighted.matrix(), svd, rank)
         } else {
             compress(&self.rows, svd, rank)
         };
@@ -215,12 +239,18 @@ impl Part {
         }
     }
 
+    /// The rows as their errors count, and their columns.
+    fn measured(&self) -> (&[f32], usize) {
+        self.weighted.as_ref().map_or((&self.rows, self.n_columns), |weighted| (&weighted.rows, weighted.metric.n))
+    }
+
     fn decompose(&self, n_k: usize, settings: &RefineSettings) -> TruncatedSvd {
         let n_rows = self.members.len() * n_k;
         if self.n_columns == 0 {
             return TruncatedSvd::empty(n_rows);
         }
-        truncated_svd(&self.rows, n_rows, self.n_columns, settings.max_coefficients.min(n_rows))
+        let (rows, n) = self.measured();
+        truncated_svd(rows, n_rows, n, settings.max_coefficients.min(n_rows))
     }
 
     /// Two halves with their decompositions.
@@ -277,14 +307,21 @@ impl Part {
     fn only(&self, half: &[usize], n_k: usize, settings: &RefineSettings) -> Self {
         let mut half = half.to_vec();
         half.sort_unstable();
-        let row_length = n_k * self.n_columns;
+        let of_members = |rows: &[f32], length: usize| -> Vec<f32> {
+            half.iter().flat_map(|&at| &rows[at * n_k * length..(at + 1) * n_k * length]).copied().collect()
+        };
         let part = Self {
+            weighted: self.weighted.as_ref().map(|weighted| Weighted {
+                metric: weighted.metric.clone(),
+                columns: weighted.columns.clone(),
+                rows: of_members(&weighted.rows, weighted.metric.n),
+            }),
             members: half.iter().map(|&at| self.members[at]).collect(),
             unseen: half.iter().map(|&at| self.unseen[at]).collect(),
             probes: self.probes.clone(),
             n_sky: self.n_sky,
             n_columns: self.n_columns,
-            rows: half.iter().flat_map(|&at| &self.rows[at * row_length..(at + 1) * row_length]).copied().collect(),
+            rows: of_members(&self.rows, self.n_columns),
         };
         part.without_empty_columns(settings)
     }
@@ -318,10 +355,22 @@ impl Part {
                 rows.extend_from_slice(&row[blocks * n_sh..]);
             }
         }
+        let weighted = self.weighted.map(|weighted| {
+            let columns = weighted.columns.iter().enumerate().filter(|(column, _)| used[(column / n_sh).min(blocks)]);
+            Weighted { columns: columns.map(|(_, &column)| column).collect(), ..weighted }
+        });
         let probes: Vec<u32> =
             self.probes.iter().zip(&used).filter(|&(_, &used)| used).map(|(&probe, _)| probe).collect();
         let n_sky = if used[blocks] { self.n_sky } else { 0 };
-        Self { n_columns: probes.len() * n_sh + n_sky, probes, n_sky, rows, ..self }
+        Self { n_columns: probes.len() * n_sh + n_sky, probes, n_sky, rows, weighted, ..self }
+    }
+}
+
+impl Weighted {
+    /// W of the part's columns, `[n_columns][n]`.
+    fn matrix(&self) -> Vec<f32> {
+        let n = self.metric.n;
+        self.columns.iter().flat_map(|&column| &self.metric.matrix[column as usize * n..][..n]).copied().collect()
     }
 }
 

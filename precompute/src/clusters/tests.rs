@@ -1,7 +1,7 @@
 //! Refinement on rows whose structure is known.
 
 use super::*;
-use crate::transport::TransportRows;
+use crate::transport::{Metric, TransportRows};
 use glam::Vec3;
 use localprt_formats::directions::counter_uniform;
 
@@ -88,6 +88,43 @@ fn stored_factors_rebuild_the_rows_to_the_reported_error() {
             }
             // The same sum in another order, f32 products.
             assert!((error - cluster.rows.row_error_squared[at]).abs() <= 1e-5 * error + 1e-9, "{error}");
+        }
+    }
+}
+
+#[test]
+fn errors_count_as_the_metric_has_them() {
+    // Three measures of a row, of which the last columns say nothing.
+    let (members, places, mut rows) = rows(300, 12, 0.02);
+    let n_columns = rows.n_columns;
+    let random = |column: usize, k: usize| counter_uniform(9, column as u64, k as u64) as f32 - 0.5;
+    let matrix: Vec<f32> = (0..n_columns)
+        .flat_map(|column| (0..3).map(move |k| if column < n_columns / 2 { random(column, k) } else { 0.0 }))
+        .collect();
+    rows.metric = Some(Metric { n: 3, matrix: matrix.clone() });
+    let values = rows.rows.clone();
+    let clusters = refine(&members, &places, rows, &settings(0.002, 32));
+    assert!(rms(&clusters) <= 0.002, "{}", rms(&clusters));
+    for cluster in &clusters {
+        // What three measures tell apart takes no more than three values.
+        let n_c = cluster.rows.n_coefficients;
+        assert!(n_c <= 3, "{n_c}");
+        let columns = cluster.probes.len() * N_SH;
+        assert_eq!(columns, n_columns, "all probes are used");
+        for (at, &member) in cluster.members.iter().enumerate() {
+            let error = |column: usize| {
+                let rebuilt: f32 = (0..n_c)
+                    .map(|c| {
+                        cluster.rows.reconstruction[at * n_c + c].to_f32()
+                            * cluster.rows.projection[c * columns + column].to_f32()
+                    })
+                    .sum();
+                values[member as usize * n_columns + column] - rebuilt
+            };
+            let measured = |k: usize| (0..n_columns).map(|column| error(column) * matrix[3 * column + k]).sum::<f32>();
+            let squared: f64 = (0..3).map(|k| f64::from(measured(k)).powi(2)).sum();
+            // f32 sums of 40 terms below 1 in another order.
+            assert!((squared - cluster.rows.row_error_squared[at]).abs() < 1e-9 + 1e-2 * squared, "{squared}");
         }
     }
 }

@@ -3,7 +3,7 @@
 pub mod svd;
 
 use half::f16;
-use svd::{TruncatedSvd, residual_by_row};
+use svd::{TruncatedSvd, residual_by_row, row_product, transposed_product};
 
 /// The two stored factors of a cluster.
 #[derive(Clone, Debug, Default)]
@@ -58,5 +58,26 @@ pub fn compress(rows: &[f32], svd: &TruncatedSvd, n_c: usize) -> CompressedRows 
     let u: Vec<f32> = reconstruction.iter().map(|value| value.to_f32()).collect();
     let p: Vec<f32> = projection.iter().map(|value| value.to_f32()).collect();
     let row_error_squared = residual_by_row(rows, &u, &p, n_c, svd.n_columns);
+    CompressedRows { n_coefficients: n_c, projection, reconstruction, row_error_squared }
+}
+
+/// The same where errors are measured by `metric`, W `[n_columns][n]`: `svd` is that of the `weighted` rows T W, and the
+/// projection of the rows themselves onto its first `n_c` left singular vectors, `U^T T`, is what makes the error least.
+pub fn compress_weighted(
+    rows: &[f32],
+    weighted: &[f32],
+    metric: &[f32],
+    svd: &TruncatedSvd,
+    n_c: usize,
+) -> CompressedRows {
+    let n_columns = rows.len() / svd.n_rows.max(1);
+    let kept: Vec<f32> = svd.u.chunks_exact(svd.rank.max(1)).flat_map(|row| row[..n_c].iter().copied()).collect();
+    let projection: Vec<f16> =
+        transposed_product(&kept, n_c, rows, n_columns).iter().map(|&value| f16::from_f32(value)).collect();
+    let reconstruction: Vec<f16> = kept.iter().map(|&value| f16::from_f32(value)).collect();
+    let u: Vec<f32> = reconstruction.iter().map(|value| value.to_f32()).collect();
+    let p: Vec<f32> = projection.iter().map(|value| value.to_f32()).collect();
+    let p = row_product(&p, n_columns, metric, svd.n_columns);
+    let row_error_squared = residual_by_row(weighted, &u, &p, n_c, svd.n_columns);
     CompressedRows { n_coefficients: n_c, projection, reconstruction, row_error_squared }
 }

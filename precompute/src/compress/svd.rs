@@ -5,7 +5,7 @@
 //! against the matrix itself, so that an unlucky draw shows. All of it runs on one thread: one cluster is one sequential
 //! decomposition, since faer's parallel ones are not bit-stable.
 
-use faer::{Accum, Mat, MatRef, Par, Side, linalg::matmul::matmul};
+use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul};
 use localprt_formats::directions::counter_uniform;
 
 /// Random directions beyond the wanted rank.
@@ -194,4 +194,34 @@ mod tests {
         let residual: f64 = residual_by_row(&matrix, &svd.u, &svd.p, svd.rank, 40).iter().sum();
         assert!(residual < 1e-10, "{residual}");
     }
+}
+
+/// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
+pub(crate) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
+    let n = a.len() / n_a.max(1);
+    let mut product = vec![0.0; n_a * n_b];
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
+        Accum::Replace,
+        MatRef::from_row_major_slice(a, n, n_a).transpose(),
+        MatRef::from_row_major_slice(b, n, n_b),
+        1.0,
+        Par::Seq,
+    );
+    product
+}
+
+/// `AB` of row-major `[m][n]` and `[n][b]`, row-major `[m][b]`.
+pub(crate) fn row_product(a: &[f32], n: usize, b: &[f32], n_b: usize) -> Vec<f32> {
+    let m = a.len() / n.max(1);
+    let mut product = vec![0.0; m * n_b];
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut product, m, n_b),
+        Accum::Replace,
+        MatRef::from_row_major_slice(a, m, n),
+        MatRef::from_row_major_slice(b, n, n_b),
+        1.0,
+        Par::Seq,
+    );
+    product
 }

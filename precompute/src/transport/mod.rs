@@ -65,8 +65,19 @@ pub struct TransportRows {
     /// `[n_members * n_k]` predicted variance of what each row gets wrong of a field of variance 1 (F4); empty for the
     /// paper's rows.
     pub variance: Vec<f32>,
+    /// How much an error of a column matters; `None` for the paper's rows, where all matter alike.
+    pub metric: Option<Metric>,
     /// Rays traced.
     pub rays: RayCounts,
+}
+
+/// What an error of a row does to irradiance: `|δ W|` is the standard deviation of `δ·λ` over the light that a fit expects.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Metric {
+    /// Columns of W.
+    pub n: usize,
+    /// W, `[n_columns][n]`.
+    pub matrix: Vec<f32>,
 }
 
 /// Rays traced, by purpose.
@@ -140,6 +151,7 @@ impl TransportScene<'_> {
                 row[probes.len() * n_sh..].copy_from_slice(&sums.sky);
             }
         }
-        TransportRows { probes, n_columns, n_k, rows, unseen, variance, rays }
+        let metric = leaf.fit.as_ref().map(|fit| fit.metric(self.sky_basis.len()));
+        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, rays }
     }
 }

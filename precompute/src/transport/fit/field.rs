@@ -16,6 +16,7 @@ use super::{
     patches::{Patches, Place},
     solve,
 };
+use crate::compress::svd::transposed_product;
 
 /// Field modes of a leaf, at most.
 const MOST_MODES: usize = 256;
@@ -68,7 +69,7 @@ impl Modes {
 
     /// M_i `[n_sh][n_modes]` of a probe whose Λ_iᵀ is `[n_patches][n_sh]`.
     pub(super) fn project(&self, lambda: &[f32], n_sh: usize) -> Vec<f32> {
-        solve::transposed_product(lambda, n_sh, &self.matrix, self.n_modes)
+        transposed_product(lambda, n_sh, &self.matrix, self.n_modes)
     }
 }
 

@@ -32,7 +32,10 @@ mod solve;
 #[cfg(test)]
 mod tests;
 
-use super::kernel::{Found, OutputSums};
+use super::{
+    Metric,
+    kernel::{Found, OutputSums},
+};
 use crate::{
     emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
@@ -64,8 +67,11 @@ const HALF_OPEN: f32 = 0.3;
 const LEAST: f32 = 0.01;
 /// Variance of the field that all surfaces have in common, σ_c²: high, so that a constant field is reproduced.
 const CONSTANT: f32 = 10.0;
-/// μ of (F2).
+/// μ of (F2), at least.
 const RIDGE: f32 = 1e-3;
+/// Edge of the finest patches, as a share of the probe spacing, from which on μ grows with their area: what a patch does not
+/// resolve is an error of the model.
+const COARSE: f32 = 0.2;
 /// t of (F2) is this times the mean variance of a probe's coefficient.
 const RIDGE_SCALE: f32 = 50.0;
 
@@ -112,8 +118,8 @@ pub struct LeafFit {
     /// Union of the supporting probes, rising.
     probes: Vec<u32>,
     n_sh: usize,
-    /// Edge of the finest patches over what it is at its least.
-    coarseness: f32,
+    /// μ, more where patches are coarse.
+    ridge: f32,
     patches: Patches,
     modes: Modes,
     /// By place in `probes`.
@@ -247,8 +253,9 @@ impl FitScene {
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        let coarseness = patches.cut().finest_m / (FINEST * self.spacing_m);
-        LeafFit { probes: probes.to_vec(), n_sh, coarseness, patches, modes, views }
+        let edge = patches.cut().finest_m / (COARSE * self.spacing_m);
+        let ridge = RIDGE * (edge * edge).max(1.0);
+        LeafFit { probes: probes.to_vec(), n_sh, ridge, patches, modes, views }
     }
 
     /// σ_c u_i, `[n_sh]`.
@@ -284,6 +291,22 @@ impl FitScene {
 }
 
 impl LeafFit {
+    /// What errors of the leaf's rows do: W of probe i are its M_i, and of a sky column 1, as for a sky of variance 1.
+    pub(super) fn metric(&self, n_sky: usize) -> Metric {
+        let n_modes = self.modes.len() + 1;
+        let n = n_modes + n_sky;
+        let mut matrix = vec![0.0; (self.views.len() * self.n_sh + n_sky) * n];
+        let (of_probes, of_sky) = matrix.split_at_mut(self.views.len() * self.n_sh * n);
+        let modes = self.views.iter().flat_map(|view| view.matrix.chunks_exact(n_modes));
+        for (row, modes) in of_probes.chunks_exact_mut(n).zip(modes) {
+            row[..n_modes].copy_from_slice(modes);
+        }
+        for (column, row) in of_sky.chunks_exact_mut(n).enumerate() {
+            row[n_modes + column] = 1.0;
+        }
+        Metric { n, matrix }
+    }
+
     /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
     /// Returns the predicted variance (F4) of each output.
     pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Vec<f32> {
@@ -338,7 +361,7 @@ impl LeafFit {
             system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
             variance += weight / total * view.variance;
         }
-        let ridge = RIDGE * self.coarseness * RIDGE_SCALE * variance;
+        let ridge = self.ridge * RIDGE_SCALE * variance;
         if ridge <= 0.0 {
             return vec![0.0; n_k];
         }

@@ -1,7 +1,7 @@
 //! Small dense matrices of the fit; with the singular values, the only file that names faer. One thread, f32 unless said.
 
-use crate::compress::svd::{orthonormal, product};
-use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul, prelude::Solve};
+use crate::compress::svd::{orthonormal, product, transposed_product};
+use faer::{Mat, MatMut, MatRef, Par, Side, prelude::Solve};
 use localprt_formats::directions::counter_uniform;
 
 /// Random directions beyond the wanted modes.
@@ -10,21 +10,6 @@ const OVERSAMPLING: usize = 8;
 const POWER_ITERATIONS: usize = 1;
 /// Stream of random numbers of this file.
 const STREAM: u64 = 0x6669_7400;
-
-/// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
-pub(super) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
-    let n = a.len() / n_a.max(1);
-    let mut product = vec![0.0; n_a * n_b];
-    matmul(
-        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, n, n_a).transpose(),
-        MatRef::from_row_major_slice(b, n, n_b),
-        1.0,
-        Par::Seq,
-    );
-    product
-}
 
 /// `MᵀM` of a row-major `[n_rows][n]` matrix.
 pub(super) fn gram(matrix: &[f32], n_rows: usize) -> Vec<f32> {

@@ -72,7 +72,7 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
     let mut system = g;
     for slot in 0..support.len() {
         for j in slot * n_sh..(slot + 1) * n_sh {
-            system[(j, j)] += f64::from(RIDGE * leaf.coarseness) * t / f64::from(found.seen_weights[slot]);
+            system[(j, j)] += f64::from(leaf.ridge) * t / f64::from(found.seen_weights[slot]);
         }
     }
     let right = &lambda * &covariance * (e - lambda.transpose() * &a0);
