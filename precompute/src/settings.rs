@@ -86,9 +86,9 @@ pub struct BakeSettings {
 #[serde(rename_all = "kebab-case")]
 pub enum Transport {
     /// Probes that see a point are blended by distance (SL17 Eq. 4).
-    #[default]
     Paper,
     /// Fitted to smooth light on the surfaces around: rows of the same shape with less error.
+    #[default]
     Fitted,
 }
 
@@ -123,7 +123,7 @@ impl Default for BakeSettings {
             direct_map: 2048,
             gather_rays: 1024,
             relight_rays: 8000,
-            transport: Transport::Paper,
+            transport: Transport::Fitted,
             volume: None,
             volume_degree: 1,
             leaf: 1024,

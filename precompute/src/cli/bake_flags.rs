@@ -106,7 +106,7 @@ pub struct BakeFlags {
     #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     leaf: Option<u32>,
-    /// Largest RMS error of a transport row by cluster
+    /// Largest RMS error of a transport row; of fitted rows, of what it does to irradiance in the light that the fit expects
     #[arg(long, value_name = "RMS", help_heading = "Compression", allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     threshold: Option<f32>,

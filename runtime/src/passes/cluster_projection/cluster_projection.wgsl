@@ -42,6 +42,34 @@ fn input(cluster: Cluster, column: u32, n_used: u32) -> vec3f {
     return probe_radiance[cluster_probes[cluster.first_probe + slot] * N_SH + column - slot * N_SH].rgb;
 }
 
+// Inputs of a pair of columns, and of the column before it.
+struct Inputs {
+    before: vec3f,
+    low: vec3f,
+    high: vec3f,
+}
+
+// A pair of one row, which starts at value `start` of the projection at `first_pair`, times its inputs.
+fn weighted(first_pair: u32, start: u32, is_row: bool, pair: u32, n_used: u32, inputs: Inputs) -> vec3f {
+    if (!is_row) {
+        return vec3f(0.0);
+    }
+    let weights = unpack2x16float(projection[first_pair + start / 2u + pair]);
+    // What lies beyond the row may be padding: it is not multiplied.
+    if (start % 2u == 0u) {
+        return select(0.0, weights.x, 2u * pair < n_used) * inputs.low
+            + select(0.0, weights.y, 2u * pair + 1u < n_used) * inputs.high;
+    }
+    return select(0.0, weights.x, pair > 0u && 2u * pair - 1u < n_used) * inputs.before
+        + select(0.0, weights.y, 2u * pair < n_used) * inputs.low;
+}
+
+fn keep(row: u32, lane: u32, sum: vec3f) {
+    sums[(3u * row) * STRIDE + lane] = sum.r;
+    sums[(3u * row + 1u) * STRIDE + lane] = sum.g;
+    sums[(3u * row + 2u) * STRIDE + lane] = sum.b;
+}
+
 @compute @workgroup_size(64)
 fn cluster_projection(
     @builtin(workgroup_id) group: vec3u,
@@ -64,35 +92,42 @@ fn cluster_projection(
 
     for (var first_row = 0u; first_row < cluster.n_coefficients; first_row += ROWS) {
         let n_rows = min(ROWS, cluster.n_coefficients - first_row);
-        // Written out: Chromium starts a variable without a value at zero once, not in every turn of the loop.
-        var row_sums = array<vec3f, ROWS>();
+        // Eight rows by name, not in an array: one with a running index lies in memory, since loops are not unrolled.
+        var row_0 = vec3f(0.0);
+        var row_1 = vec3f(0.0);
+        var row_2 = vec3f(0.0);
+        var row_3 = vec3f(0.0);
+        var row_4 = vec3f(0.0);
+        var row_5 = vec3f(0.0);
+        var row_6 = vec3f(0.0);
+        var row_7 = vec3f(0.0);
         for (var pair = local; pair < n_pairs; pair += LANES) {
-            let low = input(cluster, 2u * pair, n_used);
-            let high = input(cluster, 2u * pair + 1u, n_used);
-            var before = vec3f(0.0);
+            var inputs: Inputs;
+            inputs.low = input(cluster, 2u * pair, n_used);
+            inputs.high = input(cluster, 2u * pair + 1u, n_used);
+            inputs.before = vec3f(0.0);
             if (odd != 0u && pair > 0u) {
-                before = input(cluster, 2u * pair - 1u, n_used);
+                inputs.before = input(cluster, 2u * pair - 1u, n_used);
             }
-            for (var i = 0u; i < ROWS; i += 1u) {
-                if (i < n_rows) {
-                    let start = (first_row + i) * n_columns;
-                    let weights = unpack2x16float(projection[cluster.projection_pair + start / 2u + pair]);
-                    if (start % 2u == 0u) {
-                        // What lies beyond the row may be padding: it is not multiplied.
-                        row_sums[i] += select(0.0, weights.x, 2u * pair < n_used) * low
-                            + select(0.0, weights.y, 2u * pair + 1u < n_used) * high;
-                    } else {
-                        row_sums[i] += select(0.0, weights.x, pair > 0u && 2u * pair - 1u < n_used) * before
-                            + select(0.0, weights.y, 2u * pair < n_used) * low;
-                    }
-                }
-            }
+            let at = cluster.projection_pair;
+            let start = first_row * n_columns;
+            row_0 += weighted(at, start, 0u < n_rows, pair, n_used, inputs);
+            row_1 += weighted(at, start + n_columns, 1u < n_rows, pair, n_used, inputs);
+            row_2 += weighted(at, start + 2u * n_columns, 2u < n_rows, pair, n_used, inputs);
+            row_3 += weighted(at, start + 3u * n_columns, 3u < n_rows, pair, n_used, inputs);
+            row_4 += weighted(at, start + 4u * n_columns, 4u < n_rows, pair, n_used, inputs);
+            row_5 += weighted(at, start + 5u * n_columns, 5u < n_rows, pair, n_used, inputs);
+            row_6 += weighted(at, start + 6u * n_columns, 6u < n_rows, pair, n_used, inputs);
+            row_7 += weighted(at, start + 7u * n_columns, 7u < n_rows, pair, n_used, inputs);
         }
-        for (var i = 0u; i < ROWS; i += 1u) {
-            sums[(3u * i) * STRIDE + local] = row_sums[i].r;
-            sums[(3u * i + 1u) * STRIDE + local] = row_sums[i].g;
-            sums[(3u * i + 2u) * STRIDE + local] = row_sums[i].b;
-        }
+        keep(0u, local, row_0);
+        keep(1u, local, row_1);
+        keep(2u, local, row_2);
+        keep(3u, local, row_3);
+        keep(4u, local, row_4);
+        keep(5u, local, row_5);
+        keep(6u, local, row_6);
+        keep(7u, local, row_7);
         workgroupBarrier();
         if (local < 6u * ROWS) {
             var sum = 0.0;
