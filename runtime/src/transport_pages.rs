@@ -16,6 +16,8 @@ const NO_CLUSTER: u32 = u32::MAX;
 /// One page of a transport.
 pub(crate) struct TransportPage {
     pub(crate) n_clusters: usize,
+    /// Most rows of a cluster.
+    pub(crate) most_coefficients: u32,
     /// Receivers of the page among all.
     pub(crate) receivers: Range<usize>,
     pub(crate) clusters: wgpu::Buffer,
@@ -138,7 +140,7 @@ fn upload_page(device: &wgpu::Device, transport: &Transport<'_>, part: &Part) ->
     let mut records = Vec::with_capacity(part.clusters.len());
     let mut receiver_cluster = vec![NO_CLUSTER; part.receivers.len()];
     let (mut probes, mut projection, mut reconstruction) = (Vec::new(), Vec::new(), Vec::new());
-    let mut n_lights = 0;
+    let (mut n_lights, mut most_coefficients) = (0, 0);
     for cluster in part.clusters.clone() {
         let record = transport.clusters[cluster];
         let first_receiver = record.first_receiver - part.receivers.start as u32;
@@ -152,6 +154,7 @@ fn upload_page(device: &wgpu::Device, transport: &Transport<'_>, part: &Part) ->
             ..record
         });
         n_lights += record.n_coefficients;
+        most_coefficients = record.n_coefficients.max(most_coefficients);
         probes.extend_from_slice(&transport.cluster_probes[record.first_probe as usize..][..record.n_probes as usize]);
         push_block(&mut projection, &transport.projection[transport.projection_range(cluster)]);
         push_block(&mut reconstruction, &transport.reconstruction[transport.reconstruction_range(cluster)]);
@@ -164,6 +167,7 @@ fn upload_page(device: &wgpu::Device, transport: &Transport<'_>, part: &Part) ->
     }
     TransportPage {
         n_clusters,
+        most_coefficients,
         receivers: part.receivers.clone(),
         clusters: storage(device, "transport.clusters", bytemuck::cast_slice(&records)),
         cluster_probes: storage(device, "transport.cluster_probes", bytemuck::cast_slice(&probes)),

@@ -85,7 +85,7 @@ impl Kernel {
         }
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bindings, &[]);
-        pass.dispatch_workgroups(groups.x, groups.y, 1);
+        pass.dispatch_workgroups(groups.x, groups.y, groups.z);
     }
 }
 
@@ -94,6 +94,7 @@ impl Kernel {
 pub(crate) struct Groups {
     x: u32,
     y: u32,
+    z: u32,
 }
 
 impl Groups {
@@ -104,12 +105,17 @@ impl Groups {
 
     fn within(limit: u32, n_groups: u64) -> Self {
         let y = n_groups.div_ceil(u64::from(limit)).max(1);
-        Self { x: n_groups.div_ceil(y) as u32, y: y as u32 }
+        Self { x: n_groups.div_ceil(y) as u32, y: y as u32, z: 1 }
     }
 
     /// Workgroups of 8 x 8 over a square.
     pub(crate) fn square(size: u32, group_size: u32) -> Self {
-        Self { x: size.div_ceil(group_size), y: size.div_ceil(group_size) }
+        Self { x: size.div_ceil(group_size), y: size.div_ceil(group_size), z: 1 }
+    }
+
+    /// As many workgroups once more for each layer.
+    pub(crate) fn layers(self, z: u32) -> Self {
+        Self { z, ..self }
     }
 }
 
@@ -163,7 +169,7 @@ mod tests {
     fn groups_cover_what_is_asked_for_within_the_limit() {
         for (limit, n) in [(65535, 0), (65535, 1), (65535, 65535), (65535, 65536), (65535, 3_000_000), (7, 48), (7, 49)]
         {
-            let Groups { x, y } = Groups::within(limit, n);
+            let Groups { x, y, .. } = Groups::within(limit, n);
             assert!(x <= limit && y <= limit.max(1), "{x} x {y}");
             let all = u64::from(x) * u64::from(y);
             assert!(all >= n && all < n + u64::from(y).max(1), "{x} x {y} for {n}");

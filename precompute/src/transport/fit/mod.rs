@@ -3,11 +3,12 @@
 //! A row has a weight for every SH coefficient of every supporting probe. The paper sets them by distance and visibility;
 //! the limited degree of the probes is then most of the error. Here the same weights are fitted, so the file, the memory
 //! and the time per frame stay what they are. Radiance that leaves surfaces is taken as a smooth random field f times the
-//! openness of the surface, L(y) = s(y) f(y); the fitted row is the paper's plus the correction that lowers the expected
+//! openness and albedo of the surface, L(y) = s(y) f(y); the fitted row is the paper's plus the correction that lowers the expected
 //! squared error most, while each probe's part costs more the less weight the probe has:
 //!
 //! ```text
-//! e[p]         openness-weighted solid angle of patch p at the receiver: sum of its gather rays that a probe sees
+//! e[p]         solid angle of patch p at the receiver, weighted with s: its gather rays, and samples of what emits, that a
+//!              probe sees
 //! u_i[j]       SH coefficient j at probe i of the field 1 on all surfaces; e_u the same at the receiver
 //! Λ_i[j, p]    SH coefficient j at probe i of that patch: sum of the probe's relight rays
 //! B            K ≈ B Bᵀ, prior covariance of f between patches                                    (field.rs)

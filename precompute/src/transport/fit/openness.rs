@@ -1,4 +1,5 @@
-//! Openness of surfaces: how much of the light around a surface point can reach it.
+//! The prior's scale of surfaces: openness, how much of the light around a surface point can reach it, and albedo, how much
+//! of that is sent on.
 //!
 //! Surfaces in gaps and corners are dark more often than not, and a probe that sees the bright surface beside a gap says
 //! nothing of the sort. The prior's scale s(y) tells the fit: the square of the cosine-weighted mean of t / (t + t0) over

@@ -1,9 +1,9 @@
-// Cluster projection: one workgroup computes the lights of one cluster, P lambda, RGB (sec. 4.2, Eq. 11).
-// Dispatch: one workgroup per cluster. Twin: reference.rs, cluster_projection().
+// Cluster projection: one workgroup computes eight of the lights of one cluster, P lambda, RGB (sec. 4.2, Eq. 11).
+// Dispatch: x and y clusters, z eight rows of each. Twin: reference.rs, cluster_projection().
 //
 // Every f16 pair of P is read once, neighbors by neighbors, for all three bands. An invocation holds the inputs of a pair
-// of columns and uses them for eight rows, which is more rows than most clusters have, so that probe radiance is read
-// once as well (from cache) and needs no staging. The sums of the 64 invocations are added in a fixed order.
+// of columns and uses them for eight rows; probe radiance, read once per workgroup, comes from cache and needs no staging.
+// The sums of the 64 invocations are added in a fixed order.
 
 override N_SH: u32;
 
@@ -82,6 +82,10 @@ fn cluster_projection(
         return;
     }
     let cluster = clusters[number];
+    let first_row = group.z * ROWS;
+    if (first_row >= cluster.n_coefficients) {
+        return;
+    }
     let n_probe_columns = cluster.n_probes * N_SH;
     let n_columns = n_probe_columns + cluster.n_sky;
     // A black sky adds nothing: its columns are not read.
@@ -90,60 +94,57 @@ fn cluster_projection(
     let odd = n_columns % 2u;
     let n_pairs = (n_used + odd + 1u) / 2u;
 
-    for (var first_row = 0u; first_row < cluster.n_coefficients; first_row += ROWS) {
-        let n_rows = min(ROWS, cluster.n_coefficients - first_row);
-        // Eight rows by name, not in an array: one with a running index lies in memory, since loops are not unrolled.
-        var row_0 = vec3f(0.0);
-        var row_1 = vec3f(0.0);
-        var row_2 = vec3f(0.0);
-        var row_3 = vec3f(0.0);
-        var row_4 = vec3f(0.0);
-        var row_5 = vec3f(0.0);
-        var row_6 = vec3f(0.0);
-        var row_7 = vec3f(0.0);
-        for (var pair = local; pair < n_pairs; pair += LANES) {
-            var inputs: Inputs;
-            inputs.low = input(cluster, 2u * pair, n_used);
-            inputs.high = input(cluster, 2u * pair + 1u, n_used);
-            inputs.before = vec3f(0.0);
-            if (odd != 0u && pair > 0u) {
-                inputs.before = input(cluster, 2u * pair - 1u, n_used);
-            }
-            let at = cluster.projection_pair;
-            let start = first_row * n_columns;
-            row_0 += weighted(at, start, 0u < n_rows, pair, n_used, inputs);
-            row_1 += weighted(at, start + n_columns, 1u < n_rows, pair, n_used, inputs);
-            row_2 += weighted(at, start + 2u * n_columns, 2u < n_rows, pair, n_used, inputs);
-            row_3 += weighted(at, start + 3u * n_columns, 3u < n_rows, pair, n_used, inputs);
-            row_4 += weighted(at, start + 4u * n_columns, 4u < n_rows, pair, n_used, inputs);
-            row_5 += weighted(at, start + 5u * n_columns, 5u < n_rows, pair, n_used, inputs);
-            row_6 += weighted(at, start + 6u * n_columns, 6u < n_rows, pair, n_used, inputs);
-            row_7 += weighted(at, start + 7u * n_columns, 7u < n_rows, pair, n_used, inputs);
+    let n_rows = min(ROWS, cluster.n_coefficients - first_row);
+    // Eight rows by name, not in an array: one with a running index lies in memory, since loops are not unrolled.
+    var row_0 = vec3f(0.0);
+    var row_1 = vec3f(0.0);
+    var row_2 = vec3f(0.0);
+    var row_3 = vec3f(0.0);
+    var row_4 = vec3f(0.0);
+    var row_5 = vec3f(0.0);
+    var row_6 = vec3f(0.0);
+    var row_7 = vec3f(0.0);
+    for (var pair = local; pair < n_pairs; pair += LANES) {
+        var inputs: Inputs;
+        inputs.low = input(cluster, 2u * pair, n_used);
+        inputs.high = input(cluster, 2u * pair + 1u, n_used);
+        inputs.before = vec3f(0.0);
+        if (odd != 0u && pair > 0u) {
+            inputs.before = input(cluster, 2u * pair - 1u, n_used);
         }
-        keep(0u, local, row_0);
-        keep(1u, local, row_1);
-        keep(2u, local, row_2);
-        keep(3u, local, row_3);
-        keep(4u, local, row_4);
-        keep(5u, local, row_5);
-        keep(6u, local, row_6);
-        keep(7u, local, row_7);
-        workgroupBarrier();
-        if (local < 6u * ROWS) {
-            var sum = 0.0;
-            let first = local / 2u * STRIDE + local % 2u * (LANES / 2u);
-            for (var i = 0u; i < LANES / 2u; i += 1u) {
-                sum += sums[first + i];
-            }
-            halves[local] = sum;
+        let at = cluster.projection_pair;
+        let start = first_row * n_columns;
+        row_0 += weighted(at, start, 0u < n_rows, pair, n_used, inputs);
+        row_1 += weighted(at, start + n_columns, 1u < n_rows, pair, n_used, inputs);
+        row_2 += weighted(at, start + 2u * n_columns, 2u < n_rows, pair, n_used, inputs);
+        row_3 += weighted(at, start + 3u * n_columns, 3u < n_rows, pair, n_used, inputs);
+        row_4 += weighted(at, start + 4u * n_columns, 4u < n_rows, pair, n_used, inputs);
+        row_5 += weighted(at, start + 5u * n_columns, 5u < n_rows, pair, n_used, inputs);
+        row_6 += weighted(at, start + 6u * n_columns, 6u < n_rows, pair, n_used, inputs);
+        row_7 += weighted(at, start + 7u * n_columns, 7u < n_rows, pair, n_used, inputs);
+    }
+    keep(0u, local, row_0);
+    keep(1u, local, row_1);
+    keep(2u, local, row_2);
+    keep(3u, local, row_3);
+    keep(4u, local, row_4);
+    keep(5u, local, row_5);
+    keep(6u, local, row_6);
+    keep(7u, local, row_7);
+    workgroupBarrier();
+    if (local < 6u * ROWS) {
+        var sum = 0.0;
+        let first = local / 2u * STRIDE + local % 2u * (LANES / 2u);
+        for (var i = 0u; i < LANES / 2u; i += 1u) {
+            sum += sums[first + i];
         }
-        workgroupBarrier();
-        if (local < n_rows) {
-            let at = 6u * local;
-            let light = vec3f(halves[at] + halves[at + 1u], halves[at + 2u] + halves[at + 3u],
-                halves[at + 4u] + halves[at + 5u]);
-            cluster_lights[cluster.first_light + first_row + local] = vec4f(light, 0.0);
-        }
-        workgroupBarrier();
+        halves[local] = sum;
+    }
+    workgroupBarrier();
+    if (local < n_rows) {
+        let at = 6u * local;
+        let light = vec3f(halves[at] + halves[at + 1u], halves[at + 2u] + halves[at + 3u],
+            halves[at + 4u] + halves[at + 5u]);
+        cluster_lights[cluster.first_light + first_row + local] = vec4f(light, 0.0);
     }
 }

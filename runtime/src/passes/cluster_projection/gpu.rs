@@ -5,6 +5,9 @@ use crate::shaders;
 use crate::transport_pages::TransportPage;
 use glam::Vec3;
 
+/// Rows of a cluster that a workgroup computes: `ROWS` of the shader.
+const ROWS: u32 = 8;
+
 pub(crate) struct ClusterProjectionPass {
     kernel: Kernel,
     pages: Vec<Page>,
@@ -43,7 +46,9 @@ impl ClusterProjectionPass {
                     &page.cluster_lights,
                 ];
                 let bindings = kernel.bind(device, &resources.map(wgpu::Buffer::as_entire_binding));
-                Page { params, n_clusters, bindings, groups: Groups::new(device, page.n_clusters as u64) }
+                let layers = page.most_coefficients.div_ceil(ROWS).max(1);
+                let groups = Groups::new(device, page.n_clusters as u64).layers(layers);
+                Page { params, n_clusters, bindings, groups }
             })
             .collect();
         Self { kernel, pages, sky_sh }
