@@ -85,7 +85,7 @@ fn report(
     let (a, b, c) = (of(&paper)?, of(&rows)?, of(&compressed)?);
     println!(
         "{name}: nrmse {:.4} -> {:.4} ({:.2}), median {:.4} -> {:.4}, 95 % {:.3} -> {:.3}, 99 % {:.2} -> {:.2}, bias {:+.1} -> \
-         {:+.1} %, compressed {:.4}",
+         {:+.1} %, compressed {:.4}, median {:.4}, 95 % {:.3}",
         a.nrmse,
         b.nrmse,
         b.nrmse / a.nrmse,
@@ -98,6 +98,8 @@ fn report(
         100.0 * a.bias,
         100.0 * b.bias,
         c.nrmse,
+        c.median_relative,
+        c.p95_relative,
     );
     let worst: usize = std::env::var("WORST").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
     let mean = mean(reference) as f32;

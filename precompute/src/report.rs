@@ -119,7 +119,8 @@ impl Unseen {
     }
 }
 
-/// RMS over the transport row of one receiver of what truncation and storage changed.
+/// RMS over the transport row of one receiver of what truncation and storage changed; of fitted rows, of what that does to
+/// irradiance in the light that the fit expects, as a share of what is usual there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Compression {

@@ -68,7 +68,8 @@ pub struct BakeSettings {
     pub volume_degree: u32,
     /// A leaf of the receiver tree holds fewer receivers than this (SL17 4.1).
     pub leaf: u32,
-    /// Largest RMS error per transport row of a leaf (SL17 4.1); of fitted rows, of irradiance in light of variance 1.
+    /// Largest RMS error per transport row of a leaf (SL17 4.1); of fitted rows, of irradiance in the light that the
+    /// fit expects, as a share of what is usual there.
     pub threshold: f32,
     /// Most singular values kept per cluster (SL17 4.1).
     pub coefficients: u32,

@@ -71,7 +71,8 @@ pub struct TransportRows {
     pub rays: RayCounts,
 }
 
-/// What an error of a row does to irradiance: `|δ W|` is the standard deviation of `δ·λ` over the light that a fit expects.
+/// What an error of a row does to irradiance: `|δ W|` is the standard deviation of `δ·λ` over the light that a fit expects, as
+/// a share of the irradiance that is usual there.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metric {
     /// Columns of W.
@@ -151,7 +152,7 @@ impl TransportScene<'_> {
                 row[probes.len() * n_sh..].copy_from_slice(&sums.sky);
             }
         }
-        let metric = leaf.fit.as_ref().map(|fit| fit.metric(self.sky_basis.len()));
+        let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
         TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, rays }
     }
 }

@@ -86,6 +86,8 @@ const SPACING_SAMPLE: usize = 1024;
 pub struct FitScene {
     /// Median distance from a probe to the nearest other, metres.
     spacing_m: f32,
+    /// Root mean square of s over what the probes see.
+    usual_scale: f32,
     /// `[n_rays][n_sh]` SH of the relight rays times 4 pi / n_rays.
     table: Vec<f32>,
     /// `[n_probes]` what the relight rays of each see, by rising ray.
@@ -121,6 +123,8 @@ pub struct LeafFit {
     n_sh: usize,
     /// μ, more where patches are coarse.
     ridge: f32,
+    /// π times the usual s, W m^-2 where the field is 1.
+    usual_irradiance: f32,
     patches: Patches,
     modes: Modes,
     /// By place in `probes`.
@@ -163,14 +167,15 @@ impl FitScene {
             };
             dirs.iter().enumerate().filter_map(look).collect()
         };
-        let views = probes.positions.par_iter().map(see).collect();
+        let views: Vec<Vec<SeenPoint>> = probes.positions.par_iter().map(see).collect();
+        let usual_scale = usual_scale(&views);
         let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
         let emitter_samples = if emitters.is_empty() {
             Vec::new()
         } else {
             (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
         };
-        Self { spacing_m, table, views, openness, emitters, emitter_samples }
+        Self { spacing_m, usual_scale, table, views, openness, emitters, emitter_samples }
     }
 
     /// Points at which receivers look for what emits; none where nothing does.
@@ -256,7 +261,7 @@ impl FitScene {
             .collect();
         let edge = patches.cut().finest_m / (COARSE * self.spacing_m);
         let ridge = RIDGE * (edge * edge).max(1.0);
-        LeafFit { probes: probes.to_vec(), n_sh, ridge, patches, modes, views }
+        LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_irradiance: PI * self.usual_scale, patches, modes, views }
     }
 
     /// σ_c u_i, `[n_sh]`.
@@ -292,20 +297,24 @@ impl FitScene {
 }
 
 impl LeafFit {
-    /// What errors of the leaf's rows do: W of probe i are its M_i, and of a sky column 1, as for a sky of variance 1.
-    pub(super) fn metric(&self, n_sky: usize) -> Metric {
+    /// What errors of the leaf's rows do, as a share of the irradiance that a field of 1 and usual scale gives, π s: W of probe
+    /// i are its M_i / π s, and of a sky column 1, as for a sky of variance 1. `None` where the fit knows no light.
+    pub(super) fn metric(&self, n_sky: usize) -> Option<Metric> {
+        if self.modes.len() == 0 {
+            return None;
+        }
         let n_modes = self.modes.len() + 1;
         let n = n_modes + n_sky;
         let mut matrix = vec![0.0; (self.views.len() * self.n_sh + n_sky) * n];
         let (of_probes, of_sky) = matrix.split_at_mut(self.views.len() * self.n_sh * n);
         let modes = self.views.iter().flat_map(|view| view.matrix.chunks_exact(n_modes));
         for (row, modes) in of_probes.chunks_exact_mut(n).zip(modes) {
-            row[..n_modes].copy_from_slice(modes);
+            row.iter_mut().zip(modes).for_each(|(value, mode)| *value = mode / self.usual_irradiance);
         }
         for (column, row) in of_sky.chunks_exact_mut(n).enumerate() {
             row[n_modes + column] = 1.0;
         }
-        Metric { n, matrix }
+        Some(Metric { n, matrix })
     }
 
     /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
@@ -406,6 +415,14 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
         }
     }
     sums.iter().sum::<f32>() + rest
+}
+
+/// Root mean square of s over what relight rays meet, but for what emits; 1 where they meet nothing else.
+fn usual_scale(views: &[Vec<SeenPoint>]) -> f32 {
+    let scales = || views.iter().flatten().map(|seen| &seen.surface).filter(|surface| !surface.glows);
+    let squares: f64 = scales().map(|surface| f64::from(surface.scale).powi(2)).sum();
+    let mean = squares / scales().count().max(1) as f64;
+    if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
 }
 
 /// Light found in a direction counts this much of what a gather ray there counts, from either way of sampling.

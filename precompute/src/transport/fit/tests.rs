@@ -205,6 +205,24 @@ fn rows_do_not_depend_on_the_other_members_and_the_sky_is_left_alone() {
 }
 
 #[test]
+fn compression_means_the_same_in_dark_scenes() {
+    let setup = Setup::new(&some_receivers(HALF)[..2], &some_probes(5, HALF), 8.0);
+    let gather = GatherSet::new(256, 0, 0);
+    let metric = |albedo: f32| {
+        let mut scene = room(HALF, None);
+        scene.materials.iter_mut().for_each(|material| material.base_color = glam::Vec4::splat(albedo));
+        setup.with(&scene, &gather, [3, 2], true, |transport, members| {
+            transport.rows(&transport.leaf(members), members).metric.expect("fitted")
+        })
+    };
+    let (bright, dark) = (metric(0.5), metric(0.25));
+    let size = bright.matrix.iter().map(|value| value * value).sum::<f32>().sqrt();
+    let difference: f32 = bright.matrix.iter().zip(&dark.matrix).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
+    // Powers of two apart, but for the rounding of the albedo's luminance.
+    assert!(size > 1.0 && difference < 1e-4 * size, "{difference} of {size}");
+}
+
+#[test]
 fn a_small_lamp_is_found_by_few_gather_rays() {
     // 0.1 m at 2.5 m: of 64 rays hardly one meets it. A small lamp is a point, E = A cos cos / d^2.
     let mut scene = room(HALF, None);
