@@ -146,6 +146,36 @@ fn row_major(matrix: &Mat<f32>) -> Vec<f32> {
     values
 }
 
+/// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
+pub(crate) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
+    let n = a.len() / n_a.max(1);
+    let mut product = vec![0.0; n_a * n_b];
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
+        Accum::Replace,
+        MatRef::from_row_major_slice(a, n, n_a).transpose(),
+        MatRef::from_row_major_slice(b, n, n_b),
+        1.0,
+        Par::Seq,
+    );
+    product
+}
+
+/// `AB` of row-major `[m][n]` and `[n][b]`, row-major `[m][b]`.
+pub(crate) fn row_product(a: &[f32], n: usize, b: &[f32], n_b: usize) -> Vec<f32> {
+    let m = a.len() / n.max(1);
+    let mut product = vec![0.0; m * n_b];
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut product, m, n_b),
+        Accum::Replace,
+        MatRef::from_row_major_slice(a, m, n),
+        MatRef::from_row_major_slice(b, n, n_b),
+        1.0,
+        Par::Seq,
+    );
+    product
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,34 +224,4 @@ mod tests {
         let residual: f64 = residual_by_row(&matrix, &svd.u, &svd.p, svd.rank, 40).iter().sum();
         assert!(residual < 1e-10, "{residual}");
     }
-}
-
-/// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
-pub(crate) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
-    let n = a.len() / n_a.max(1);
-    let mut product = vec![0.0; n_a * n_b];
-    matmul(
-        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, n, n_a).transpose(),
-        MatRef::from_row_major_slice(b, n, n_b),
-        1.0,
-        Par::Seq,
-    );
-    product
-}
-
-/// `AB` of row-major `[m][n]` and `[n][b]`, row-major `[m][b]`.
-pub(crate) fn row_product(a: &[f32], n: usize, b: &[f32], n_b: usize) -> Vec<f32> {
-    let m = a.len() / n.max(1);
-    let mut product = vec![0.0; m * n_b];
-    matmul(
-        MatMut::from_row_major_slice_mut(&mut product, m, n_b),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, m, n),
-        MatRef::from_row_major_slice(b, n, n_b),
-        1.0,
-        Par::Seq,
-    );
-    product
 }
