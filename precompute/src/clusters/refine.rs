@@ -23,7 +23,7 @@ use crate::{
 };
 use glam::Vec3;
 use nalgebra::{DMatrix, DVector};
-use std::rc::Rc;
+use std::{collections::BTreeMap, rc::Rc};
 
 /// When a leaf is good enough.
 #[derive(Clone, Copy, Debug)]
@@ -95,6 +95,71 @@ struct Choice {
 /// Compresses the rows of `members`; the clusters cover the members once, in splitting order. `positions` are those of all
 /// receivers.
 pub fn refine(members: &[u32], positions: &[Vec3], rows: TransportRows, settings: &RefineSettings) -> Vec<Cluster> {
+    if rows.metric.is_none() || rows.n_columns == 0 {
+        return refine_connected(members, positions, rows, settings);
+    }
+    // By their coefficients, rows without a common probe never mix. By a metric they would, wherever the light that it expects
+    // is alike: light would leak between sealed rooms. So they are kept apart.
+    let groups = sharing_probes(&rows, settings.n_sh);
+    if groups.len() < 2 {
+        return refine_connected(members, positions, rows, settings);
+    }
+    let length = rows.n_k * rows.n_columns;
+    let of_group = |group: &Vec<usize>| {
+        let some = TransportRows {
+            probes: rows.probes.clone(),
+            n_columns: rows.n_columns,
+            n_k: rows.n_k,
+            rows: group.iter().flat_map(|&at| &rows.rows[at * length..(at + 1) * length]).copied().collect(),
+            unseen: group.iter().map(|&at| rows.unseen[at]).collect(),
+            metric: rows.metric.clone(),
+            ..TransportRows::default()
+        };
+        let members: Vec<u32> = group.iter().map(|&at| members[at]).collect();
+        refine_connected(&members, positions, some, settings)
+    };
+    groups.iter().flat_map(of_group).collect()
+}
+
+/// Members, by place, that are joined by common probes; those without any probe together.
+fn sharing_probes(rows: &TransportRows, n_sh: usize) -> Vec<Vec<usize>> {
+    fn root(parents: &[usize], mut block: usize) -> usize {
+        while parents[block] != block {
+            block = parents[block];
+        }
+        block
+    }
+    let n_probes = rows.probes.len();
+    // The last stands for no probe.
+    let mut parents: Vec<usize> = (0..=n_probes).collect();
+    let mut first_used = Vec::new();
+    for of_member in rows.rows.chunks_exact(rows.n_k * rows.n_columns) {
+        let is_used = |&probe: &usize| {
+            let mut of_probe = of_member.chunks_exact(rows.n_columns).map(|row| &row[probe * n_sh..(probe + 1) * n_sh]);
+            of_probe.any(|values| values.iter().any(|&value| value != 0.0))
+        };
+        let used: Vec<usize> = (0..n_probes).filter(is_used).collect();
+        let first = used.first().copied().unwrap_or(n_probes);
+        for &probe in &used {
+            let (a, b) = (root(&parents, first), root(&parents, probe));
+            parents[a.max(b)] = a.min(b);
+        }
+        first_used.push(first);
+    }
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (member, &first) in first_used.iter().enumerate() {
+        groups.entry(root(&parents, first)).or_default().push(member);
+    }
+    groups.into_values().collect()
+}
+
+/// Compresses rows that may share clusters.
+fn refine_connected(
+    members: &[u32],
+    positions: &[Vec3],
+    rows: TransportRows,
+    settings: &RefineSettings,
+) -> Vec<Cluster> {
     let n_k = rows.n_k;
     let weighted = rows.metric.map(|metric| Weighted {
         rows: row_product(&rows.rows, rows.n_columns, &metric.matrix, metric.n),

@@ -130,6 +130,26 @@ fn errors_count_as_the_metric_has_them() {
 }
 
 #[test]
+fn rows_without_a_common_probe_never_mix() {
+    // Two sealed rooms, five probes each, in light that the metric takes for the same: by it all rows are one.
+    let (members, places, mut rows) = rows(40, 1, 0.0);
+    let n_columns = rows.n_columns;
+    for (member, row) in rows.rows.chunks_exact_mut(n_columns).enumerate() {
+        let first = if member % 2 == 0 { 0 } else { n_columns / 2 };
+        row.fill(0.0);
+        row[first..first + n_columns / 2].fill(1.0);
+    }
+    rows.metric = Some(Metric { n: 1, matrix: vec![1.0; n_columns] });
+    let clusters = refine(&members, &places, rows, &settings(0.005, 32));
+    assert_eq!(clusters.iter().map(|cluster| cluster.members.len()).sum::<usize>(), 40);
+    for cluster in &clusters {
+        let room = cluster.members[0] % 2;
+        assert!(cluster.members.iter().all(|member| member % 2 == room), "{:?}", cluster.members);
+        assert!(cluster.probes.iter().all(|&probe| (probe >= 5) == (room == 1)), "{:?}", cluster.probes);
+    }
+}
+
+#[test]
 fn receivers_that_see_nothing_cost_nothing() {
     let (members, places, mut rows) = rows(40, 3, 0.0);
     rows.rows.fill(0.0);
