@@ -62,17 +62,15 @@ const WIDEST: f32 = 4.0;
 const MOST_PATCHES: usize = 1000;
 /// Correlation length of the field, as a share of the probe spacing.
 const CORRELATION: f32 = 0.5;
-/// Distance at which openness is one half, as a share of the probe spacing.
-const HALF_OPEN: f32 = 0.3;
+/// Distance at which openness is one half, in probe spacings.
+const HALF_OPEN: f32 = 3.0;
 /// Modes are kept down to this share of the penalty.
 const LEAST: f32 = 0.01;
 /// Variance of the field that all surfaces have in common, σ_c²: high, so that a constant field is reproduced.
 const CONSTANT: f32 = 10.0;
-/// μ of (F2), at least.
-const RIDGE: f32 = 1e-3;
-/// Edge of the finest patches, as a share of the probe spacing, from which on μ grows with their area: what a patch does not
-/// resolve is an error of the model.
-const COARSE: f32 = 0.2;
+/// μ of (F2) with patches of the edge `FINEST`. It grows with their area: what a patch does not resolve is an error of the
+/// model.
+const RIDGE: f32 = 2.5e-4;
 /// t of (F2) is this times the mean variance of a probe's coefficient.
 const RIDGE_SCALE: f32 = 50.0;
 
@@ -121,7 +119,7 @@ pub struct LeafFit {
     /// Union of the supporting probes, rising.
     probes: Vec<u32>,
     n_sh: usize,
-    /// μ, more where patches are coarse.
+    /// μ.
     ridge: f32,
     /// π times the usual s, W m^-2 where the field is 1.
     usual_irradiance: f32,
@@ -229,14 +227,9 @@ impl FitScene {
                 lambda
             })
             .collect();
-        let modes = Modes::of(
-            &patches,
-            CORRELATION * self.spacing_m,
-            &views,
-            weights,
-            n_sh,
-            f64::from(LEAST * RIDGE * RIDGE_SCALE),
-        );
+        let ridge = RIDGE * (patches.cut().finest_m / (FINEST * self.spacing_m)).powi(2);
+        let least = f64::from(LEAST * ridge * RIDGE_SCALE);
+        let modes = Modes::of(&patches, CORRELATION * self.spacing_m, &views, weights, n_sh, least);
         let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
         let views = views
             .into_iter()
@@ -259,8 +252,6 @@ impl FitScene {
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        let edge = patches.cut().finest_m / (COARSE * self.spacing_m);
-        let ridge = RIDGE * (edge * edge).max(1.0);
         LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_irradiance: PI * self.usual_scale, patches, modes, views }
     }
 

@@ -2,9 +2,9 @@
 //! of that is sent on.
 //!
 //! Surfaces in gaps and corners are dark more often than not, and a probe that sees the bright surface beside a gap says
-//! nothing of the sort. The prior's scale s(y) tells the fit: the square of the cosine-weighted mean of t / (t + t0) over
-//! the rays from y, t their length and t0 a share of the probe spacing. Without it, receivers a hand's breadth from a
-//! surface take over the light of lit surfaces around (nrmse of 100 receivers of a staircase in a trial: 1.07, and 0.22 with it).
+//! nothing of the sort. The prior's scale s(y) tells the fit: the cosine-weighted mean of t / (t + t0) over the rays from y,
+//! t their length and t0 some probe spacings. Without it, receivers a hand's breadth from a surface take over the light of
+//! lit surfaces around (nrmse of 100 receivers of a staircase in a trial: 1.07, and 0.22 with it).
 
 use super::Surface;
 use crate::{
@@ -12,13 +12,11 @@ use crate::{
     rays::{FacePoint, RayCaster, frame},
     validate::metrics::luminance,
 };
-use glam::{Vec2, Vec3};
+use glam::{FloatExt, Vec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 
-/// Power of the openness.
-const EXPONENT: i32 = 2;
 /// Surfaces count as no darker than this.
 const LEAST_ALBEDO: f32 = 0.05;
 /// Rays of each receiver.
@@ -51,7 +49,7 @@ impl Openness {
                         caster.closest_hit(origin, dir).map_or(1.0, |hit| hit.t / (hit.t + half_m))
                     })
                     .sum();
-                (open / RAYS as f32).powi(EXPONENT)
+                open / RAYS as f32
             })
             .collect();
         let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len().max(1) as f64;
@@ -77,15 +75,19 @@ impl Openness {
         Surface { scale, glows }
     }
 
-    /// Openness alone.
+    /// Openness alone, bilinear between receivers.
     fn scale(&self, point: &FacePoint) -> f32 {
         if self.size == 0 {
             return 1.0;
         }
         let [a, b, c] = self.corners[point.face.0 as usize];
         let uv = a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z;
-        let texel = (uv * self.size as f32).clamp(Vec2::ZERO, Vec2::splat(self.size as f32 - 1.0));
-        self.scale[texel.y as usize * self.size as usize + texel.x as usize]
+        let last = self.size as i32 - 1;
+        let place = uv * self.size as f32 - 0.5;
+        let (low, t) = (place.floor().as_ivec2(), place - place.floor());
+        let at = |x: i32, y: i32| self.scale[(y.clamp(0, last) * self.size as i32 + x.clamp(0, last)) as usize];
+        let across = |y: i32| at(low.x, y).lerp(at(low.x + 1, y), t.x);
+        across(low.y).lerp(across(low.y + 1), t.y)
     }
 }
 
