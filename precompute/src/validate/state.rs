@@ -163,6 +163,7 @@ pub fn measure(
         pairs,
         |receiver| brightness(lit.relit.irradiance[receiver as usize]),
         |receiver| brightness(all_legs[place(receiver)].uncompressed),
+        |receiver| brightness(all_legs[place(receiver)].paper),
         brightness_mean,
     );
     let leak = leak(&compressed, &reference.irradiance, brightness_mean);

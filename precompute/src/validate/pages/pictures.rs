@@ -218,6 +218,7 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
             step.pairs.to_string(),
             percent(step.compressed),
             percent(step.uncompressed),
+            percent(step.paper),
             percent(step.added),
         ]
     };
@@ -225,13 +226,14 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
         parts,
         Block::Table {
             title: "Steps between neighbors".into(),
-            head: ["border", "pairs", "compressed", "uncompressed", "added"].map(String::from).to_vec(),
+            head: ["border", "pairs", "compressed", "uncompressed", "paper", "added"].map(String::from).to_vec(),
             rows: vec![
                 border("chart seams", &steps.charts),
                 border("cluster borders", &steps.clusters),
                 border("within clusters", &steps.within),
             ],
-            note: "RMS of the step in luminance over the mean; what compression adds to a step that is there anyway."
+            note: "RMS of the step in luminance over the mean, by the file, by its rows uncompressed and by the paper's; \
+                   what compression adds to a step that is there anyway."
                 .into(),
             highlight_row: None,
         },
