@@ -3,7 +3,9 @@
 //!
 //! Usage: `cargo run --release --example transport_error -- FILE.lprt RECEIVERS BOUNCES [LIGHTS.json ..]`, `-` for the scene's
 //! own lights. With `REFERENCES=folder` the path-traced references are kept there and found again, for any file that was
-//! baked from the same scene at the same lightmap size; with `WORST=n` the n receivers with the largest errors are listed.
+//! baked from the same scene at the same lightmap size; with `WORST=n` the n receivers with the largest errors are listed;
+//! with `STEPS=n` steps of light between n pairs of neighbors are compared with the true ones, at cluster borders and within
+//! clusters.
 
 use glam::Vec3;
 use localprt_precompute::{
@@ -11,8 +13,9 @@ use localprt_precompute::{
     progress::Progress,
     validate::{
         Subject, last_leg, lit,
-        metrics::{MethodError, mean},
+        metrics::{MethodError, luminance, mean},
         path_tracer::{PathBudget, PathTracer},
+        selection::Pairs,
     },
 };
 use localprt_scenes::Lighting;
@@ -62,6 +65,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         };
         report(&subject, &lighting, lights, bounces, &sample, &reference)?;
+        let pairs: usize = std::env::var("STEPS").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
+        if pairs > 0 {
+            report_steps(&subject, &lighting, bounces, &Pairs::of(&subject, pairs))?;
+        }
     }
     Ok(())
 }
@@ -123,6 +130,48 @@ fn report(
             legs[index].near,
             subject.supporting(sample[index]).len(),
         );
+    }
+    Ok(())
+}
+
+/// RMS of the steps in luminance by the truth, the file, its rows uncompressed and the paper's, over the mean of these
+/// receivers, and of their difference from the true step.
+fn report_steps(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, pairs: &Pairs) -> Result<(), Box<dyn Error>> {
+    let progress = Progress::silent();
+    let mut all: Vec<u32> = pairs.clusters.iter().chain(&pairs.within).flatten().copied().collect();
+    all.sort_unstable();
+    all.dedup();
+    let points: Vec<_> = all.iter().map(|&receiver| subject.point(receiver)).collect();
+    let reference =
+        PathTracer::new(subject.caster, lighting, bounces, SEED).estimate(&points, PathBudget::default(), &progress)?;
+    let lit = lit::light(subject, lighting, bounces, &progress)?;
+    let legs = last_leg::last_leg(subject, &lit, lighting, &all, &progress)?;
+    let by_index = |value: &dyn Fn(usize) -> Vec3| -> Vec<f64> {
+        (0..all.len()).map(|index| luminance(value(index).as_dvec3())).collect()
+    };
+    let truth = by_index(&|index| reference.irradiance[index]);
+    let mean = truth.iter().sum::<f64>() / all.len() as f64;
+    let ways = [
+        ("truth", truth.clone()),
+        ("file", by_index(&|index| lit.relit.irradiance[all[index] as usize])),
+        ("rows", by_index(&|index| legs[index].uncompressed)),
+        ("paper", by_index(&|index| legs[index].paper)),
+    ];
+    for (border, pairs) in [("cluster borders", &pairs.clusters), ("within clusters", &pairs.within)] {
+        let step = |values: &[f64], pair: &[u32; 2]| {
+            let at = |receiver: u32| values[all.partition_point(|&other| other < receiver)];
+            at(pair[1]) - at(pair[0])
+        };
+        let rms = |of: &dyn Fn(&[u32; 2]) -> f64| {
+            (pairs.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / pairs.len().max(1) as f64).sqrt() / mean
+        };
+        print!("  steps, {} {border}:", pairs.len());
+        for (name, values) in &ways {
+            let size = rms(&|pair| step(values, pair));
+            let wrong = rms(&|pair| step(values, pair) - step(&truth, pair));
+            print!(" {name} {size:.4} (off by {wrong:.4})");
+        }
+        println!();
     }
     Ok(())
 }

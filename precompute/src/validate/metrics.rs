@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 /// Luminance of Rec. 709.
-pub(crate) fn luminance(color: DVec3) -> f64 {
+pub fn luminance(color: DVec3) -> f64 {
     color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 

@@ -67,13 +67,8 @@ mod tests {
         let compressed = [1.0, 1.0, 5.0, 2.0];
         let uncompressed = [1.0, 2.0, 4.0, 1.0];
         let paper = [3.0, 2.0, 2.0, 0.0];
-        let steps = Steps::of(
-            &pairs,
-            |i| compressed[i as usize],
-            |i| uncompressed[i as usize],
-            |i| paper[i as usize],
-            2.0,
-        );
+        let steps =
+            Steps::of(&pairs, |i| compressed[i as usize], |i| uncompressed[i as usize], |i| paper[i as usize], 2.0);
         assert_eq!(steps.charts, Step { pairs: 1, compressed: 0.0, uncompressed: 0.5, paper: 0.5, added: 0.5 });
         // Compressed steps 4 and 3, uncompressed 2 and 3, the paper's 0 and 2.
         let expected = Step {

@@ -232,9 +232,10 @@ fn reasons(figures: &StateFigures) -> Vec<Block> {
                 border("cluster borders", &steps.clusters),
                 border("within clusters", &steps.within),
             ],
-            note: "RMS of the step in luminance over the mean, by the file, by its rows uncompressed and by the paper's; \
+            note:
+                "RMS of the step in luminance over the mean, by the file, by its rows uncompressed and by the paper's; \
                    what compression adds to a step that is there anyway."
-                .into(),
+                    .into(),
             highlight_row: None,
         },
     ];
