@@ -9,11 +9,12 @@
 //! ```text
 //! e[p]         solid angle of patch p at the receiver, weighted with s: its gather rays, and samples of what emits, that a
 //!              probe sees
-//! u_i[j]       SH coefficient j at probe i of the field 1 on all surfaces; e_u the same at the receiver
+//! u_i[j, c]    SH coefficient j at probe i of what all surfaces have in common: a field of 1, and radiance that is the same
+//!              everywhere; each times its standard deviation; e_u[c] the same at the receiver
 //! Λ_i[j, p]    SH coefficient j at probe i of that patch: sum of the probe's relight rays
 //! B            K ≈ B Bᵀ, prior covariance of f between patches                                    (field.rs)
-//! M_i = [Λ_i B, σ_c u_i], A_i = M_iᵀ M_i                                                          per leaf
-//! y = [Bᵀ e, σ_c e_u] - sum_i M_iᵀ a0_i      what the paper's row a0 gets wrong of each mode      (F1)
+//! M_i = [Λ_i B, u_i], A_i = M_iᵀ M_i                                                              per leaf
+//! y = [Bᵀ e, e_u] - sum_i M_iᵀ a0_i          what the paper's row a0 gets wrong of each mode      (F1)
 //! S = μ t I + sum_i w_i A_i          w_i = weight kernel times the share of what is seen          (F2)
 //! a_i = a0_i + w_i M_i z,  S z = y                                                                (F3)
 //! v = μ t y·z                        predicted variance of what is left, for a field of variance 1 (F4)
@@ -66,8 +67,12 @@ const CORRELATION: f32 = 0.5;
 const HALF_OPEN: f32 = 3.0;
 /// Modes are kept down to this share of the penalty.
 const LEAST: f32 = 0.01;
-/// Variance of the field that all surfaces have in common, σ_c²: high, so that a constant field is reproduced.
+/// Variance of the field that all surfaces have in common: high, so that a constant field is reproduced.
 const CONSTANT: f32 = 10.0;
+/// Variance of radiance that all surfaces have in common, whatever their scale, over the square of the usual scale.
+const EVEN: f32 = 0.3;
+/// What all surfaces have in common: as many modes beside those of the patches.
+const COMMON: usize = 2;
 /// μ of (F2) with patches of the edge `FINEST`. It grows with their area: what a patch does not resolve is an error of the
 /// model.
 const RIDGE: f32 = 2.5e-4;
@@ -121,8 +126,8 @@ pub struct LeafFit {
     n_sh: usize,
     /// μ.
     ridge: f32,
-    /// π times the usual s, W m^-2 where the field is 1.
-    usual_irradiance: f32,
+    /// Root mean square of s over what the probes see.
+    usual_scale: f32,
     patches: Patches,
     modes: Modes,
     /// By place in `probes`.
@@ -131,9 +136,9 @@ pub struct LeafFit {
 
 /// A probe's view of the field modes.
 struct ProbeModes {
-    /// M_i, `[n_sh][n_modes + 1]`.
+    /// M_i, `[n_sh][n_modes + COMMON]`.
     matrix: Vec<f32>,
-    /// A_i, `[n_modes + 1][n_modes + 1]`.
+    /// A_i, `[n_modes + COMMON][n_modes + COMMON]`.
     gram: Vec<f32>,
     /// Mean variance of a coefficient, but for what surfaces emit.
     variance: f32,
@@ -248,21 +253,24 @@ impl FitScene {
                     dot(&matrix, &matrix)
                 };
                 let variance = variance / n_sh as f32;
-                let matrix = with_constant(&matrix, &self.constant(id, n_sh));
+                let matrix = beside(&matrix, &self.common(id, n_sh), n_sh);
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_irradiance: PI * self.usual_scale, patches, modes, views }
+        LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_scale: self.usual_scale, patches, modes, views }
     }
 
-    /// σ_c u_i, `[n_sh]`.
-    fn constant(&self, probe: u32, n_sh: usize) -> Vec<f32> {
-        let mut sum = vec![0.0; n_sh];
+    /// u_i, `[n_sh][COMMON]`.
+    fn common(&self, probe: u32, n_sh: usize) -> Vec<f32> {
+        let mut sums = vec![0.0; n_sh * COMMON];
         for point in &self.views[probe as usize] {
             let values = &self.table[point.ray as usize * n_sh..][..n_sh];
-            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += CONSTANT.sqrt() * point.surface.scale * value);
+            let common = common(point.surface.scale, self.usual_scale);
+            for (sums, value) in sums.as_chunks_mut::<COMMON>().0.iter_mut().zip(values) {
+                sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += common * value);
+            }
         }
-        sum
+        sums
     }
 
     /// Patches around a box as the probes see them, and the patch of each point seen: coarser until they are few enough.
@@ -294,13 +302,14 @@ impl LeafFit {
         if self.modes.len() == 0 {
             return None;
         }
-        let n_modes = self.modes.len() + 1;
+        let n_modes = self.modes.len() + COMMON;
         let n = n_modes + n_sky;
+        let usual_irradiance = PI * self.usual_scale;
         let mut matrix = vec![0.0; (self.views.len() * self.n_sh + n_sky) * n];
         let (of_probes, of_sky) = matrix.split_at_mut(self.views.len() * self.n_sh * n);
         let modes = self.views.iter().flat_map(|view| view.matrix.chunks_exact(n_modes));
         for (row, modes) in of_probes.chunks_exact_mut(n).zip(modes) {
-            row.iter_mut().zip(modes).for_each(|(value, mode)| *value = mode / self.usual_irradiance);
+            row.iter_mut().zip(modes).for_each(|(value, mode)| *value = mode / usual_irradiance);
         }
         for (column, row) in of_sky.chunks_exact_mut(n).enumerate() {
             row[n_modes + column] = 1.0;
@@ -312,8 +321,8 @@ impl LeafFit {
     /// Returns the predicted variance (F4) of each output.
     pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Vec<f32> {
         let n_sh = self.n_sh;
-        // With the constant, which comes last.
-        let n_modes = self.modes.len() + 1;
+        // With what all surfaces have in common, which comes last.
+        let n_modes = self.modes.len() + COMMON;
         let n_k = outputs.len();
         let weights = &found.seen_weights;
         let total: f32 = weights.iter().sum();
@@ -335,8 +344,9 @@ impl LeafFit {
         // (F1)
         let mut y = vec![0.0; n_k * n_modes];
         for (hit, of_outputs) in found.hits.iter().zip(found.hit_weights.chunks_exact(n_k)) {
+            let common = common(hit.surface.scale, self.usual_scale);
             for (y, weight) in y.chunks_exact_mut(n_modes).zip(of_outputs) {
-                y[n_modes - 1] += CONSTANT.sqrt() * weight * hit.surface.scale;
+                y[n_modes - COMMON..].iter_mut().zip(common).for_each(|(y, common)| *y += weight * common);
             }
             if let Some(patch) = self.patches.find(hit.position, hit.normal, hit.surface.glows) {
                 let modes = self.modes.of_patch(patch as usize);
@@ -386,13 +396,18 @@ impl LeafFit {
     }
 }
 
-/// Appends a column to a row-major matrix.
-fn with_constant(matrix: &[f32], column: &[f32]) -> Vec<f32> {
-    let width = matrix.len() / column.len().max(1);
-    (0..column.len())
-        .flat_map(|row| matrix[row * width..(row + 1) * width].iter().chain(&column[row..=row]))
-        .copied()
-        .collect()
+/// Radiance of a surface of scale `scale` in the modes that all surfaces have in common, at one standard deviation.
+fn common(scale: f32, usual_scale: f32) -> [f32; COMMON] {
+    [CONSTANT.sqrt() * scale, EVEN.sqrt() * usual_scale]
+}
+
+/// Two row-major matrices side by side.
+fn beside(left: &[f32], right: &[f32], n_rows: usize) -> Vec<f32> {
+    let row_of = |matrix: &[f32], row: usize| {
+        let width = matrix.len() / n_rows;
+        row * width..(row + 1) * width
+    };
+    (0..n_rows).flat_map(|row| left[row_of(left, row)].iter().chain(&right[row_of(right, row)])).copied().collect()
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {

@@ -96,3 +96,31 @@ fn albedo(scene: &Scene, point: &FacePoint) -> f32 {
     let color = scene.base_color(point.mesh, point.triangle, point.barycentrics).truncate();
     (luminance(color.as_dvec3()) as f32).clamp(LEAST_ALBEDO, 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use localprt_scenes::FaceId;
+
+    #[test]
+    fn openness_is_that_of_a_receiver_and_between_receivers_in_between() {
+        // A face whose coordinates are its barycentrics, on a map of 2 x 2 texels.
+        let openness =
+            Openness { size: 2, scale: vec![0.1, 0.3, 0.5, 0.9], corners: vec![[Vec2::ZERO, Vec2::X, Vec2::Y]] };
+        let at = |u: f32, v: f32| {
+            let barycentrics = Vec3::new(1.0 - u - v, u, v);
+            openness.scale(&FacePoint { face: FaceId(0), mesh: 0, triangle: 0, barycentrics })
+        };
+        let cases = [
+            (0.25, 0.25, 0.1),
+            (0.75, 0.25, 0.3),
+            (0.5, 0.25, 0.2),
+            (0.25, 0.5, 0.3),
+            (0.5, 0.5, 0.45),
+            (0.0, 0.0, 0.1),
+        ];
+        for (u, v, expected) in cases {
+            assert!((at(u, v) - expected).abs() < 1e-6, "({u}, {v}): {} instead of {expected}", at(u, v));
+        }
+    }
+}

@@ -5,6 +5,7 @@ use crate::transport::{
     GatherSet, TransportRows,
     tests::{Setup, room, some_probes, some_receivers},
 };
+use glam::Vec4;
 use localprt_scenes::{Material, Mesh};
 use nalgebra::{DMatrix, DVector};
 use std::f32::consts::PI;
@@ -45,20 +46,25 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
             e[patch as usize] += f64::from(weight * hit.surface.scale);
         }
     }
-    // The constant, as one more patch that nothing else is like.
-    let (mut covariance, mut lambda, mut e) =
-        (covariance.resize(n + 1, n + 1, 0.0), lambda.resize_horizontally(n + 1, 0.0), e.resize_vertically(n + 1, 0.0));
+    // What all surfaces have in common, as more patches that nothing else is like.
+    let all = n + COMMON;
     let variance_of = lambda.clone() * &covariance * lambda.transpose();
-    covariance[(n, n)] = f64::from(CONSTANT);
-    for (slot, &id) in support.iter().enumerate() {
-        for point in &fit.views[id as usize] {
-            for j in 0..n_sh {
-                lambda[(slot * n_sh + j, n)] +=
-                    f64::from(point.surface.scale * fit.table[point.ray as usize * n_sh + j]);
+    let (mut covariance, mut lambda, mut e) =
+        (covariance.resize(all, all, 0.0), lambda.resize_horizontally(all, 0.0), e.resize_vertically(all, 0.0));
+    for mode in 0..COMMON {
+        covariance[(n + mode, n + mode)] = 1.0;
+        let of = |surface: &Surface| f64::from(common(surface.scale, fit.usual_scale)[mode]);
+        for (slot, &id) in support.iter().enumerate() {
+            for point in &fit.views[id as usize] {
+                for j in 0..n_sh {
+                    let value = f64::from(fit.table[point.ray as usize * n_sh + j]);
+                    lambda[(slot * n_sh + j, n + mode)] += of(&point.surface) * value;
+                }
             }
         }
+        let hits = found.hits.iter().zip(&found.hit_weights);
+        e[n + mode] = hits.map(|(hit, &weight)| f64::from(weight) * of(&hit.surface)).sum();
     }
-    e[n] = found.hits.iter().zip(&found.hit_weights).map(|(hit, weight)| f64::from(weight * hit.surface.scale)).sum();
     let a0 = DVector::from_iterator(a0.len(), a0.iter().map(|&value| f64::from(value)));
     let g = &lambda * &covariance * lambda.transpose();
     let total: f64 = found.seen_weights.iter().map(|&weight| f64::from(weight)).sum();
@@ -114,14 +120,18 @@ fn what_is_left_of_a_random_field_is_less_and_as_predicted() {
     setup.with(&room(HALF, None), &gather, [4, 0], true, |transport, members| {
         let leaf = transport.leaf(members);
         let fit = leaf.fit.as_ref().expect("fitted");
-        let n_modes = fit.modes.len() + 1;
+        let n_modes = fit.modes.len() + COMMON;
         let n_sh = fit.n_sh;
         for &member in members {
             crate::transport::kernel::receiver_rows(transport, member as usize, &mut workspace);
             let squared_error = |row: &[f32], found: &Found| -> f64 {
                 let mut error = vec![0.0f64; n_modes];
                 for (hit, weight) in found.hits.iter().zip(&found.hit_weights) {
-                    error[n_modes - 1] += f64::from(weight * hit.surface.scale * CONSTANT.sqrt());
+                    for (error, common) in
+                        error[n_modes - COMMON..].iter_mut().zip(common(hit.surface.scale, fit.usual_scale))
+                    {
+                        *error += f64::from(weight * common);
+                    }
                     let Some(patch) = fit.patches.find(hit.position, hit.normal, hit.surface.glows) else { continue };
                     for (error, mode) in error.iter_mut().zip(fit.modes.of_patch(patch as usize)) {
                         *error += f64::from(weight * hit.surface.scale * mode);
@@ -152,15 +162,38 @@ fn constant_radiance_stays_pi() {
     let setup = Setup::new(&some_receivers(HALF), &some_probes(7, HALF), 8.0);
     for degree in [0, 2, 4] {
         let [paper, fitted] = both(&setup, &GatherSet::new(1024, 0, 0), [degree, 0]);
-        let constant = |rows: &TransportRows| -> Vec<f32> {
-            let n_sh = sh::function_count(degree);
-            let of_row = |row: &[f32]| row.chunks_exact(n_sh).take(7).map(|probe| probe[0] * (4.0 * PI).sqrt()).sum();
-            rows.rows.chunks_exact(rows.n_columns).map(of_row).collect()
-        };
-        for (paper, fitted) in constant(&paper).into_iter().zip(constant(&fitted)) {
+        for (paper, fitted) in constant(&paper, degree).into_iter().zip(constant(&fitted, degree)) {
             assert!((fitted / paper - 1.0).abs() < 0.01, "degree {degree}: {fitted} {paper}");
         }
     }
+}
+
+#[test]
+fn constant_radiance_stays_pi_where_the_prior_expects_a_dark_wall() {
+    let mut scene = room(HALF, None);
+    let mut wall: Mesh = scene.meshes[0].clone();
+    let dark = scene.meshes[0].triangles.split_off(8);
+    wall.triangles = dark;
+    wall.material = 1;
+    scene.meshes.push(wall);
+    scene.materials.push(Material { base_color: Vec4::new(0.1, 0.1, 0.1, 1.0), ..Material::default() });
+    let setup = Setup::new(&some_receivers(HALF), &some_probes(7, HALF), 8.0);
+    let gather = GatherSet::new(1024, 0, 0);
+    let [paper, fitted] = [false, true].map(|fitted| {
+        setup.with(&scene, &gather, [4, 0], fitted, |transport, members| {
+            transport.rows(&transport.leaf(members), members)
+        })
+    });
+    for (paper, fitted) in constant(&paper, 4).into_iter().zip(constant(&fitted, 4)) {
+        assert!((fitted / paper - 1.0).abs() < 0.01, "{fitted} {paper}");
+    }
+}
+
+/// Irradiance of each receiver by its row of seven probes, where all radiance is 1.
+fn constant(rows: &TransportRows, degree: u32) -> Vec<f32> {
+    let n_sh = sh::function_count(degree);
+    let of_row = |row: &[f32]| row.chunks_exact(n_sh).take(7).map(|probe| probe[0] * (4.0 * PI).sqrt()).sum();
+    rows.rows.chunks_exact(rows.n_columns).map(of_row).collect()
 }
 
 #[test]
@@ -210,7 +243,7 @@ fn compression_means_the_same_in_dark_scenes() {
     let gather = GatherSet::new(256, 0, 0);
     let metric = |albedo: f32| {
         let mut scene = room(HALF, None);
-        scene.materials.iter_mut().for_each(|material| material.base_color = glam::Vec4::splat(albedo));
+        scene.materials.iter_mut().for_each(|material| material.base_color = Vec4::splat(albedo));
         setup.with(&scene, &gather, [3, 2], true, |transport, members| {
             transport.rows(&transport.leaf(members), members).metric.expect("fitted")
         })
