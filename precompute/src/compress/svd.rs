@@ -149,30 +149,19 @@ fn row_major(matrix: &Mat<f32>) -> Vec<f32> {
 /// `AᵀB` of row-major `[n][a]` and `[n][b]`, row-major `[a][b]`.
 pub(crate) fn transposed_product(a: &[f32], n_a: usize, b: &[f32], n_b: usize) -> Vec<f32> {
     let n = a.len() / n_a.max(1);
-    let mut product = vec![0.0; n_a * n_b];
-    matmul(
-        MatMut::from_row_major_slice_mut(&mut product, n_a, n_b),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, n, n_a).transpose(),
-        MatRef::from_row_major_slice(b, n, n_b),
-        1.0,
-        Par::Seq,
-    );
-    product
+    row_major_product(MatRef::from_row_major_slice(a, n, n_a).transpose(), MatRef::from_row_major_slice(b, n, n_b))
 }
 
 /// `AB` of row-major `[m][n]` and `[n][b]`, row-major `[m][b]`.
 pub(crate) fn row_product(a: &[f32], n: usize, b: &[f32], n_b: usize) -> Vec<f32> {
     let m = a.len() / n.max(1);
-    let mut product = vec![0.0; m * n_b];
-    matmul(
-        MatMut::from_row_major_slice_mut(&mut product, m, n_b),
-        Accum::Replace,
-        MatRef::from_row_major_slice(a, m, n),
-        MatRef::from_row_major_slice(b, n, n_b),
-        1.0,
-        Par::Seq,
-    );
+    row_major_product(MatRef::from_row_major_slice(a, m, n), MatRef::from_row_major_slice(b, n, n_b))
+}
+
+fn row_major_product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Vec<f32> {
+    let mut product = vec![0.0; a.nrows() * b.ncols()];
+    let into = MatMut::from_row_major_slice_mut(&mut product, a.nrows(), b.ncols());
+    matmul(into, Accum::Replace, a, b, 1.0, Par::Seq);
     product
 }
 
