@@ -48,6 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     sample.sort_unstable();
     let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
 
+    let mut frames = Vec::new();
     for lights in lights {
         let path = (lights != "-").then(|| Path::new(lights));
         let lighting = inputs::lighting(path, &scene)?;
@@ -64,13 +65,24 @@ fn main() -> Result<(), Box<dyn Error>> {
                 reference
             }
         };
-        report(&subject, &lighting, lights, bounces, &sample, &reference)?;
+        frames.push(report(&subject, &lighting, lights, bounces, &sample, reference)?);
         let pairs: usize = std::env::var("STEPS").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
         if pairs > 0 {
             report_steps(&subject, &lighting, bounces, &Pairs::of(&subject, pairs))?;
         }
     }
+    if std::env::var_os("FRAMES").is_some() {
+        report_frames(&frames);
+    }
     Ok(())
+}
+
+/// Irradiance at the sampled receivers, by way.
+struct Frame {
+    truth: Vec<Vec3>,
+    paper: Vec<Vec3>,
+    rows: Vec<Vec3>,
+    file: Vec<Vec3>,
 }
 
 fn report(
@@ -79,15 +91,15 @@ fn report(
     name: &str,
     bounces: u32,
     sample: &[u32],
-    reference: &[Vec3],
-) -> Result<(), Box<dyn Error>> {
+    reference: Vec<Vec3>,
+) -> Result<Frame, Box<dyn Error>> {
     let progress = Progress::silent();
     let lit = lit::light(subject, lighting, bounces, &progress)?;
     let legs = last_leg::last_leg(subject, &lit, lighting, sample, &progress)?;
     let paper: Vec<Vec3> = legs.iter().map(|leg| leg.paper).collect();
     let rows: Vec<Vec3> = legs.iter().map(|leg| leg.uncompressed).collect();
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let of = |values: &[Vec3]| MethodError::of(values, reference).ok_or("no light reaches any receiver");
+    let of = |values: &[Vec3]| MethodError::of(values, &reference).ok_or("no light reaches any receiver");
     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
     let (a, b, c) = (of(&paper)?, of(&rows)?, of(&compressed)?);
     println!(
@@ -109,7 +121,7 @@ fn report(
         c.p95_relative,
     );
     let worst: usize = std::env::var("WORST").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
-    let mean = mean(reference) as f32;
+    let mean = mean(&reference) as f32;
     let error = |values: &[Vec3], index: usize| (values[index] - reference[index]).length() / mean;
     let mut order: Vec<usize> = (0..sample.len()).collect();
     order.sort_by(|&a, &b| {
@@ -131,7 +143,36 @@ fn report(
             subject.supporting(sample[index]).len(),
         );
     }
-    Ok(())
+    Ok(Frame { truth: reference, paper, rows, file: compressed })
+}
+
+/// RMS over receivers and frames of the change in luminance from frame to frame, and of its difference from the true
+/// change, over the mean of all.
+fn report_frames(frames: &[Frame]) {
+    let light = |values: &[Vec3]| -> Vec<f64> { values.iter().map(|value| luminance(value.as_dvec3())).collect() };
+    let changes = |way: fn(&Frame) -> &[Vec3]| -> Vec<f64> {
+        let of_pair = |pair: &[Frame]| -> Vec<f64> {
+            light(way(&pair[1])).into_iter().zip(light(way(&pair[0]))).map(|(after, before)| after - before).collect()
+        };
+        frames.windows(2).flat_map(of_pair).collect()
+    };
+    let rms = |values: &mut dyn ExactSizeIterator<Item = f64>| {
+        let count = values.len().max(1) as f64;
+        (values.map(|value| value * value).sum::<f64>() / count).sqrt()
+    };
+    let all: Vec<f64> = frames.iter().flat_map(|frame| light(&frame.truth)).collect();
+    let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+    let truth = changes(|frame| &frame.truth);
+    print!("  changes over {} frames: truth {:.4}", frames.len(), rms(&mut truth.iter().copied()) / mean);
+    let ways: [(&str, fn(&Frame) -> &[Vec3]); 3] =
+        [("paper", |frame| &frame.paper), ("rows", |frame| &frame.rows), ("file", |frame| &frame.file)];
+    for (name, way) in ways {
+        let found = changes(way);
+        let size = rms(&mut found.iter().copied()) / mean;
+        let wrong = rms(&mut found.iter().zip(&truth).map(|(found, truth)| found - truth)) / mean;
+        print!(", {name} {size:.4} (off by {wrong:.4})");
+    }
+    println!();
 }
 
 /// RMS of the steps in luminance by the truth, the file, its rows uncompressed and the paper's, over the mean of these

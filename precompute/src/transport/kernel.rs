@@ -1,6 +1,9 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
-use super::{Domain, RayCounts, TransportScene, fit::Surface};
+use super::{
+    Domain, RayCounts, TransportScene,
+    fit::{COMMON, Surface},
+};
 use crate::rays::{OccluderHint, SurfaceHit, frame};
 use glam::Vec3;
 use localprt_formats::{
@@ -34,9 +37,30 @@ pub(super) struct Found {
     pub hit_weights: Vec<f32>,
     /// `[n_supporting]` weight kernel times the share of the surface points that the probe sees, cosine-weighted.
     pub seen_weights: Vec<f32>,
+    /// `[n_k]` light from surfaces that no supporting probe sees, in the modes that all surfaces have in common.
+    pub unseen_common: Vec<[f32; COMMON]>,
+    /// Cosine-weighted share of the surface points that a supporting probe sees.
+    pub seen_share: f32,
 }
 
 impl Found {
+    /// Nothing yet; the share is set when all rays are through.
+    fn clear(&mut self, n_supporting: usize, n_k: usize) {
+        self.hits.clear();
+        self.hit_weights.clear();
+        self.seen_weights.clear();
+        self.seen_weights.resize(n_supporting, 0.0);
+        self.unseen_common.clear();
+        self.unseen_common.resize(n_k, [0.0; COMMON]);
+    }
+
+    /// Takes in a surface point that no probe sees, with what it has in common with all others.
+    fn add_unseen(&mut self, common: [f32; COMMON], weights: &[f32], share: f32) {
+        for (sums, weight) in self.unseen_common.iter_mut().zip(weights) {
+            sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += weight * share * common);
+        }
+    }
+
     /// Takes in a surface point with `share` times the weights `[n_k]` of a gather ray.
     fn add(&mut self, hit: &SurfaceHit, surface: Surface, weights: &[f32], share: f32) {
         self.hits.push(SeenHit { position: hit.position, normal: hit.normal, surface });
@@ -137,10 +161,7 @@ pub(super) fn receiver_rows(
 
     workspace.hints.clear();
     workspace.hints.resize(support.len(), OccluderHint::default());
-    workspace.found.hits.clear();
-    workspace.found.hit_weights.clear();
-    workspace.found.seen_weights.clear();
-    workspace.found.seen_weights.resize(support.len(), 0.0);
+    workspace.found.clear(support.len(), n_k);
     let mut surfaces = 0.0;
     let mut unseen = 0.0f64;
     let mut rays = RayCounts::default();
@@ -177,11 +198,18 @@ pub(super) fn receiver_rows(
         }
         if sum <= LEAST_WEIGHT {
             unseen += f64::from(share);
-            continue;
         }
         if let Some(fit) = scene.fit {
             let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
-            workspace.found.add(&hit, fit.surface(caster, &point), &workspace.weights, share);
+            let surface = fit.surface(caster, &point);
+            if sum > LEAST_WEIGHT {
+                workspace.found.add(&hit, surface, &workspace.weights, share);
+            } else {
+                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights, share);
+            }
+        }
+        if sum <= LEAST_WEIGHT {
+            continue;
         }
         for &(slot, psi) in &workspace.visible {
             let slot = slot as usize;
@@ -220,6 +248,7 @@ pub(super) fn receiver_rows(
     for (weight, &(_, kernel)) in workspace.found.seen_weights.iter_mut().zip(&probes) {
         *weight *= kernel / surfaces.max(f32::MIN_POSITIVE);
     }
+    workspace.found.seen_share = 1.0 - (unseen as f32 / surfaces.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
 
     workspace.outputs.resize_with(n_k, OutputSums::default);
     let n_sh = scene.probe_basis.len();

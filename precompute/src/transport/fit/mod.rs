@@ -10,7 +10,8 @@
 //! e[p]         solid angle of patch p at the receiver, weighted with s: its gather rays, and samples of what emits, that a
 //!              probe sees
 //! u_i[j, c]    SH coefficient j at probe i of what all surfaces have in common: a field of 1, and radiance that is the same
-//!              everywhere; each times its standard deviation; e_u[c] the same at the receiver
+//!              everywhere; each times its standard deviation; e_u[c] the same at the receiver, with the surfaces that no probe
+//!              sees times the fourth power of the share that some probe does
 //! Λ_i[j, p]    SH coefficient j at probe i of that patch: sum of the probe's relight rays
 //! B            K ≈ B Bᵀ, prior covariance of f between patches                                    (field.rs)
 //! M_i = [Λ_i B, u_i], A_i = M_iᵀ M_i                                                              per leaf
@@ -72,12 +73,12 @@ const CONSTANT: f32 = 10.0;
 /// Variance of radiance that all surfaces have in common, whatever their scale, over the square of the usual scale.
 const EVEN: f32 = 0.3;
 /// What all surfaces have in common: as many modes beside those of the patches.
-const COMMON: usize = 2;
+pub(super) const COMMON: usize = 2;
+/// Surfaces that no supporting probe sees count in those modes times this power of the share of the view that some probe sees.
+const EXTRAPOLATION: i32 = 4;
 /// μ of (F2) with patches of the edge `FINEST`. It grows with their area: what a patch does not resolve is an error of the
 /// model.
-const RIDGE: f32 = 2.5e-4;
-/// t of (F2) is this times the mean variance of a probe's coefficient.
-const RIDGE_SCALE: f32 = 50.0;
+const RIDGE: f32 = 2e-4;
 
 /// Points of what emits that every receiver looks for.
 const EMITTER_SAMPLES: u32 = 256;
@@ -140,7 +141,7 @@ struct ProbeModes {
     matrix: Vec<f32>,
     /// A_i, `[n_modes + COMMON][n_modes + COMMON]`.
     gram: Vec<f32>,
-    /// Mean variance of a coefficient, but for what surfaces emit.
+    /// Sum of the variances of its coefficients, but for what surfaces emit.
     variance: f32,
 }
 
@@ -209,6 +210,11 @@ impl FitScene {
         Some((hit, balance(density, by_emitter)))
     }
 
+    /// Light of a surface in the modes that all surfaces have in common.
+    pub(super) fn common_light(&self, surface: Surface) -> [f32; COMMON] {
+        common(surface.scale, self.usual_scale)
+    }
+
     /// What the prior knows of a surface point.
     pub(super) fn surface(&self, caster: &RayCaster<'_>, point: &FacePoint) -> Surface {
         self.openness.surface(caster, point)
@@ -233,7 +239,7 @@ impl FitScene {
             })
             .collect();
         let ridge = RIDGE * (patches.cut().finest_m / (FINEST * self.spacing_m)).powi(2);
-        let least = f64::from(LEAST * ridge * RIDGE_SCALE);
+        let least = f64::from(LEAST * ridge) * n_sh as f64;
         let modes = Modes::of(&patches, CORRELATION * self.spacing_m, &views, weights, n_sh, least);
         let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
         let views = views
@@ -252,7 +258,6 @@ impl FitScene {
                 } else {
                     dot(&matrix, &matrix)
                 };
-                let variance = variance / n_sh as f32;
                 let matrix = beside(&matrix, &self.common(id, n_sh), n_sh);
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
@@ -356,6 +361,10 @@ impl LeafFit {
                 }
             }
         }
+        let extrapolated = found.seen_share.powi(EXTRAPOLATION);
+        for (y, unseen) in y.chunks_exact_mut(n_modes).zip(&found.unseen_common) {
+            y[n_modes - COMMON..].iter_mut().zip(unseen).for_each(|(y, unseen)| *y += extrapolated * unseen);
+        }
         for (y, output) in y.chunks_exact_mut(n_modes).zip(outputs.iter()) {
             for &(first, _, view) in &probes {
                 for (&weight, modes) in output.probes[first..first + n_sh].iter().zip(view.matrix.chunks_exact(n_modes))
@@ -372,7 +381,7 @@ impl LeafFit {
             system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
             variance += weight / total * view.variance;
         }
-        let ridge = self.ridge * RIDGE_SCALE * variance;
+        let ridge = self.ridge * variance;
         if ridge <= 0.0 {
             return vec![0.0; n_k];
         }
