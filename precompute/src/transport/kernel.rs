@@ -37,7 +37,7 @@ pub(super) struct Found {
     pub hit_weights: Vec<f32>,
     /// `[n_supporting]` weight kernel times the share of the surface points that the probe sees, cosine-weighted.
     pub seen_weights: Vec<f32>,
-    /// `[n_k]` light from surfaces that no supporting probe sees, in the modes that all surfaces have in common.
+    /// `[n_k]` what surfaces that no supporting probe sees reflect, in the modes that all surfaces have in common.
     pub unseen_common: Vec<[f32; COMMON]>,
     /// Cosine-weighted share of the surface points that a supporting probe sees.
     pub seen_share: f32,
@@ -55,9 +55,9 @@ impl Found {
     }
 
     /// Takes in a surface point that no probe sees, with what it has in common with all others.
-    fn add_unseen(&mut self, common: [f32; COMMON], weights: &[f32], share: f32) {
+    fn add_unseen(&mut self, common: [f32; COMMON], weights: &[f32]) {
         for (sums, weight) in self.unseen_common.iter_mut().zip(weights) {
-            sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += weight * share * common);
+            sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += weight * common);
         }
     }
 
@@ -200,12 +200,13 @@ pub(super) fn receiver_rows(
             unseen += f64::from(share);
         }
         if let Some(fit) = scene.fit {
-            let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
             let surface = fit.surface(caster, &point);
             if sum > LEAST_WEIGHT {
+                let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
                 workspace.found.add(&hit, surface, &workspace.weights, share);
-            } else {
-                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights, share);
+            } else if !surface.glows {
+                // What lamps emit has nothing to do with the light around.
+                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
             }
         }
         if sum <= LEAST_WEIGHT {

@@ -10,16 +10,19 @@
 //! e[p]         solid angle of patch p at the receiver, weighted with s: its gather rays, and samples of what emits, that a
 //!              probe sees
 //! u_i[j, c]    SH coefficient j at probe i of what all surfaces have in common: a field of 1, and radiance that is the same
-//!              everywhere; each times its standard deviation; e_u[c] the same at the receiver, with the surfaces that no probe
-//!              sees times the fourth power of the share that some probe does
+//!              everywhere; each times its standard deviation; e_u[c] the same at the receiver, with σ⁴ times the surfaces that
+//!              no probe sees
 //! Λ_i[j, p]    SH coefficient j at probe i of that patch: sum of the probe's relight rays
 //! B            K ≈ B Bᵀ, prior covariance of f between patches                                    (field.rs)
 //! M_i = [Λ_i B, u_i], A_i = M_iᵀ M_i                                                              per leaf
 //! y = [Bᵀ e, e_u] - sum_i M_iᵀ a0_i          what the paper's row a0 gets wrong of each mode      (F1)
 //! S = μ t I + sum_i w_i A_i          w_i = weight kernel times the share of what is seen          (F2)
 //! a_i = a0_i + w_i M_i z,  S z = y                                                                (F3)
-//! v = μ t y·z                        predicted variance of what is left, for a field of variance 1 (F4)
+//! v = μ t y·z + |(1 - σ⁴) e_v|²       predicted variance of what is left, for a field of variance 1 (F4)
 //! ```
+//!
+//! t is the sum of the variances of a probe's coefficients, on average over the probes by w_i, of what the patches reflect;
+//! σ the share of the surfaces in view that some supporting probe sees, and e_v[c] the part of e_u that none sees, in full.
 //!
 //! (F3) is ridge regression of the row with penalty μ t / w_i, in the space of field modes (matrix inversion lemma), so
 //! that one small matrix is factored for a receiver, whatever its probes; the tests hold it against the long form. A probe that
@@ -66,7 +69,7 @@ const MOST_PATCHES: usize = 1000;
 const CORRELATION: f32 = 0.5;
 /// Distance at which openness is one half, in probe spacings.
 const HALF_OPEN: f32 = 3.0;
-/// Modes are kept down to this share of the penalty.
+/// Modes are kept down to this share of the penalty, as it would be where all probes have weight 1 and lamps count too.
 const LEAST: f32 = 0.01;
 /// Variance of the field that all surfaces have in common: high, so that a constant field is reproduced.
 const CONSTANT: f32 = 10.0;
@@ -331,8 +334,13 @@ impl LeafFit {
         let n_k = outputs.len();
         let weights = &found.seen_weights;
         let total: f32 = weights.iter().sum();
+        let extrapolated = found.seen_share.powi(EXTRAPOLATION);
+        // What is not made up for of the light that no probe sees.
+        let lost = |output: usize| {
+            found.unseen_common[output].iter().map(|unseen| ((1.0 - extrapolated) * unseen).powi(2)).sum::<f32>()
+        };
         if total <= 0.0 {
-            return vec![0.0; n_k];
+            return (0..n_k).map(lost).collect();
         }
         // Probes that count: their columns in the row, weight and view.
         let probes: Vec<(usize, f32, &ProbeModes)> = support
@@ -361,7 +369,6 @@ impl LeafFit {
                 }
             }
         }
-        let extrapolated = found.seen_share.powi(EXTRAPOLATION);
         for (y, unseen) in y.chunks_exact_mut(n_modes).zip(&found.unseen_common) {
             y[n_modes - COMMON..].iter_mut().zip(unseen).for_each(|(y, unseen)| *y += extrapolated * unseen);
         }
@@ -382,15 +389,16 @@ impl LeafFit {
             variance += weight / total * view.variance;
         }
         let ridge = self.ridge * variance;
+        let of_the_papers_row = || y.chunks_exact(n_modes).enumerate().map(|(k, y)| dot(y, y) + lost(k)).collect();
         if ridge <= 0.0 {
-            return vec![0.0; n_k];
+            return of_the_papers_row();
         }
         (0..n_modes).for_each(|mode| system[mode * n_modes + mode] += ridge);
 
         // (F3)
         let Some(z) = solve::solve(&system, &y, n_modes) else {
             // Next to nothing but lamps: too ill-conditioned for f32. The paper's row stays.
-            return y.chunks_exact(n_modes).map(|y| dot(y, y)).collect();
+            return of_the_papers_row();
         };
         for (z, output) in z.chunks_exact(n_modes).zip(outputs.iter_mut()) {
             for &(first, weight, view) in &probes {
@@ -401,7 +409,8 @@ impl LeafFit {
             }
         }
         // (F4)
-        y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0)).collect()
+        let left = y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0));
+        left.enumerate().map(|(k, left)| left + lost(k)).collect()
     }
 }
 
@@ -442,6 +451,8 @@ fn usual_scale(views: &[Vec<SeenPoint>]) -> f32 {
 
 /// Light found in a direction counts this much of what a gather ray there counts, from either way of sampling.
 fn balance(gather_density: f32, emitter_density: f32) -> f32 {
+    // A cosine may round to just below zero.
+    let gather_density = gather_density.max(0.0);
     gather_density / (gather_density + EMITTER_SAMPLES as f32 * emitter_density).max(f32::MIN_POSITIVE)
 }
 
