@@ -5,7 +5,8 @@
 //! own lights. With `REFERENCES=folder` the path-traced references are kept there and found again, for any file that was
 //! baked from the same scene at the same lightmap size; with `WORST=n` the n receivers with the largest errors are listed;
 //! with `STEPS=n` steps of light between n pairs of neighbors are compared with the true ones, at cluster borders and within
-//! clusters.
+//! clusters; with `FRAMES=1` the lightings are taken as successive frames, and what changes from one to the next is
+//! compared with what truly does.
 
 use glam::Vec3;
 use localprt_precompute::{
@@ -164,10 +165,12 @@ fn report_frames(frames: &[Frame]) {
     let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
     let truth = changes(|frame| &frame.truth);
     print!("  changes over {} frames: truth {:.4}", frames.len(), rms(&mut truth.iter().copied()) / mean);
-    let ways: [(&str, fn(&Frame) -> &[Vec3]); 3] =
-        [("paper", |frame| &frame.paper), ("rows", |frame| &frame.rows), ("file", |frame| &frame.file)];
-    for (name, way) in ways {
-        let found = changes(way);
+    let found = [
+        ("paper", changes(|frame| &frame.paper)),
+        ("rows", changes(|frame| &frame.rows)),
+        ("file", changes(|frame| &frame.file)),
+    ];
+    for (name, found) in found {
         let size = rms(&mut found.iter().copied()) / mean;
         let wrong = rms(&mut found.iter().zip(&truth).map(|(found, truth)| found - truth)) / mean;
         print!(", {name} {size:.4} (off by {wrong:.4})");

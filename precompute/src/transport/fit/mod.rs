@@ -18,11 +18,11 @@
 //! y = [Bᵀ e, e_u] - sum_i M_iᵀ a0_i          what the paper's row a0 gets wrong of each mode      (F1)
 //! S = μ t I + sum_i w_i A_i          w_i = weight kernel times the share of what is seen          (F2)
 //! a_i = a0_i + w_i M_i z,  S z = y                                                                (F3)
-//! v = μ t y·z + |(1 - σ⁴) e_v|²       predicted variance of what is left, for a field of variance 1 (F4)
+//! v = μ t y·z                        predicted variance of what is left, for a field of variance 1 (F4)
 //! ```
 //!
 //! t is the sum of the variances of a probe's coefficients, on average over the probes by w_i, of what the patches reflect;
-//! σ the share of the surfaces in view that some supporting probe sees, and e_v[c] the part of e_u that none sees, in full.
+//! σ the share of the surfaces in view that some supporting probe sees. Light that none sees is no part of v: it is mostly dark.
 //!
 //! (F3) is ridge regression of the row with penalty μ t / w_i, in the space of field modes (matrix inversion lemma), so
 //! that one small matrix is factored for a receiver, whatever its probes; the tests hold it against the long form. A probe that
@@ -334,13 +334,8 @@ impl LeafFit {
         let n_k = outputs.len();
         let weights = &found.seen_weights;
         let total: f32 = weights.iter().sum();
-        let extrapolated = found.seen_share.powi(EXTRAPOLATION);
-        // What is not made up for of the light that no probe sees.
-        let lost = |output: usize| {
-            found.unseen_common[output].iter().map(|unseen| ((1.0 - extrapolated) * unseen).powi(2)).sum::<f32>()
-        };
         if total <= 0.0 {
-            return (0..n_k).map(lost).collect();
+            return vec![0.0; n_k];
         }
         // Probes that count: their columns in the row, weight and view.
         let probes: Vec<(usize, f32, &ProbeModes)> = support
@@ -369,6 +364,7 @@ impl LeafFit {
                 }
             }
         }
+        let extrapolated = found.seen_share.powi(EXTRAPOLATION);
         for (y, unseen) in y.chunks_exact_mut(n_modes).zip(&found.unseen_common) {
             y[n_modes - COMMON..].iter_mut().zip(unseen).for_each(|(y, unseen)| *y += extrapolated * unseen);
         }
@@ -389,7 +385,7 @@ impl LeafFit {
             variance += weight / total * view.variance;
         }
         let ridge = self.ridge * variance;
-        let of_the_papers_row = || y.chunks_exact(n_modes).enumerate().map(|(k, y)| dot(y, y) + lost(k)).collect();
+        let of_the_papers_row = || y.chunks_exact(n_modes).map(|y| dot(y, y)).collect();
         if ridge <= 0.0 {
             return of_the_papers_row();
         }
@@ -409,8 +405,7 @@ impl LeafFit {
             }
         }
         // (F4)
-        let left = y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0));
-        left.enumerate().map(|(k, left)| left + lost(k)).collect()
+        y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0)).collect()
     }
 }
 

@@ -386,8 +386,7 @@ fn a_leaf_without_anything_to_see_keeps_its_rows() {
         triangles: vec![[0, 1, 2]],
         ..Mesh::default()
     };
-    let scene =
-        localprt_scenes::Scene { meshes: vec![floor], materials: vec![Material::default()], ..Default::default() };
+    let scene = Scene { meshes: vec![floor], materials: vec![Material::default()], ..Default::default() };
     let gather = GatherSet::new(64, 0, 0);
     for probe in [Vec3::new(0.0, 30.0, 0.0), Vec3::new(0.0, -1.0, 0.0)] {
         let setup = Setup::new(&[(Vec3::ZERO, Vec3::Y)], &[probe], 40.0);
