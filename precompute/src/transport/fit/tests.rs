@@ -228,12 +228,12 @@ fn constant_radiance_loses_less_where_no_probe_sees_some_of_the_surfaces() {
             transport.rows(&transport.leaf(members), members)
         })
     });
-    for (receiver, unseen) in paper.unseen.iter().enumerate() {
-        let [by_paper, by_fit] = [&paper, &fitted].map(|rows| PI - constant(rows, 4)[receiver]);
-        assert!((0.05..0.6).contains(unseen), "{unseen}");
-        // 1 - (1 - u)^4 of the unseen share u is still lost, so a bound needs some.
-        assert!(by_fit < 0.9 * by_paper && by_fit > -0.01 * PI, "{by_fit} of {by_paper} lost, {unseen} unseen");
-    }
+    assert!(paper.unseen.iter().all(|unseen| (0.05..0.6).contains(unseen)), "{:?}", paper.unseen);
+    let [by_paper, by_fit] = [&paper, &fitted].map(|rows| constant(rows, 4).into_iter().map(|light| PI - light));
+    assert!(by_fit.clone().all(|lost| lost > -0.01 * PI));
+    // Without the extrapolation 0.86 of it is lost.
+    let [by_paper, by_fit] = [by_paper.sum::<f32>(), by_fit.sum()];
+    assert!(by_fit < 0.75 * by_paper, "{by_fit} of {by_paper} lost");
 }
 
 /// Irradiance of each receiver by its row of seven probes, where all radiance is 1.
