@@ -196,12 +196,10 @@ pub(super) fn receiver_rows(
                 workspace.visible.push((slot as u32, -way.normalize()));
             }
         }
-        if sum <= LEAST_WEIGHT {
-            unseen += f64::from(share);
-        }
+        let is_seen = sum > LEAST_WEIGHT;
         if let Some(fit) = scene.fit {
             let surface = fit.surface(caster, &point);
-            if sum > LEAST_WEIGHT {
+            if is_seen {
                 let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
                 workspace.found.add(&hit, surface, &workspace.weights, share);
             } else if !surface.glows {
@@ -209,7 +207,8 @@ pub(super) fn receiver_rows(
                 workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
             }
         }
-        if sum <= LEAST_WEIGHT {
+        if !is_seen {
+            unseen += f64::from(share);
             continue;
         }
         for &(slot, psi) in &workspace.visible {

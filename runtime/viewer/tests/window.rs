@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 const SIZE: (u32, u32) = (320, 240);
 /// Frames of a window on a software adapter take tenths of a second.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Corner of the screen that holds the legend of a map, which a picture without a window has not.
-const LEGEND: (usize, usize) = (300, 60);
+/// Columns and rows of the legend that a window paints over the map of clusters and a picture without a window has not.
+const LEGEND: [std::ops::Range<usize>; 2] = [8..296, 8..54];
 
 /// A process that ends with the test.
 struct Running(Child);
@@ -134,13 +134,14 @@ fn n_different(a: &[u8], b: &[u8]) -> usize {
     a.chunks_exact(3).zip(b.chunks_exact(3)).filter(|(a, b)| a != b).count()
 }
 
-/// The same within the upper left corner of a screen, and beside it.
-fn different_by_corner(a: &[u8], b: &[u8], (width, height): (usize, usize)) -> [usize; 2] {
-    let row = 3 * SIZE.0 as usize;
-    let corner = |pixels: &[u8]| -> Vec<u8> {
-        pixels.chunks_exact(row).take(height).flat_map(|row| &row[..3 * width]).copied().collect()
+/// The same within the legend, and beside it.
+fn different_by_legend(a: &[u8], b: &[u8]) -> [usize; 2] {
+    let [columns, rows] = LEGEND;
+    let legend = |pixels: &[u8]| -> Vec<u8> {
+        let rows = pixels.chunks_exact(3 * SIZE.0 as usize).skip(rows.start).take(rows.len());
+        rows.flat_map(|row| &row[3 * columns.start..3 * columns.end]).copied().collect()
     };
-    let within = n_different(&corner(a), &corner(b));
+    let within = n_different(&legend(a), &legend(b));
     [within, n_different(a, b) - within]
 }
 
@@ -164,11 +165,11 @@ fn a_window_shows_what_a_headless_picture_shows() {
         let expected = headless(&baked, "expected.png", &look);
         let window = display.viewer(baked.folder(), &[&[baked.file(), "--no-panel"], look.as_slice()].concat());
         let is_right = |pixels: &[u8]| {
-            let [legend, beside] = different_by_corner(pixels, &expected, LEGEND);
+            let [legend, beside] = different_by_legend(pixels, &expected);
             beside == 0 && (legend > 0) == has_legend
         };
         let shown = display.screen_when(is_right);
-        assert!(is_right(&shown), "pixels of the view {view}: {:?}", different_by_corner(&shown, &expected, LEGEND));
+        assert!(is_right(&shown), "pixels of the view {view}: {:?}", different_by_legend(&shown, &expected));
         drop(window);
     }
 }
