@@ -34,6 +34,7 @@ pub mod reference_file;
 pub mod relight;
 pub mod relight_rays;
 pub mod report;
+pub mod scale;
 pub mod settings;
 pub mod transport;
 // Path tracing for minutes, and a picture metric in C++.

@@ -4,8 +4,8 @@ use crate::{
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
     lightmap::{
-        Atlas, LayoutReport, ReceiverSet, receivers, sides, texels,
-        unwrap::{self, LayoutSize, UnwrapError},
+        Atlas, LayoutReport, ReceiverSet, cut, receivers, sides, texels,
+        unwrap::{self, LayoutSize, UnwrapError, Wanted},
     },
     probes::{self, PlacementReport, ProbeSet, Support},
     progress::{Cancelled, Progress},
@@ -15,7 +15,8 @@ use crate::{
         AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen,
         VolumeFacts, hex, peak_rss_bytes,
     },
-    settings::{BakeSettings, Transport},
+    scale::{self, Focus, LocalScale},
+    settings::{BakeSettings, Density, Transport},
     transport::{FitScene, GatherSet, RayCounts, TransportScene},
     volume::{self, VolumeCells},
     voxels::{self, VoxelGrid},
@@ -43,6 +44,16 @@ pub struct BakeOutput {
     pub report: BakeReport,
 }
 
+/// Samples of the local scale: one for so many receivers.
+const RECEIVERS_PER_SAMPLE: usize = 4;
+const LEAST_SAMPLES: usize = 4000;
+/// Layouts that are made to meet the number of receivers, at most.
+const LAYOUTS: usize = 4;
+/// Share by which it may be missed.
+const BUDGET_MISSED: f64 = 0.02;
+/// Texels for a receiver, at most, where most of the surface is inside of geometry.
+const MOST_EXTRA: f64 = 8.0;
+
 /// Help for options out of range.
 const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 
@@ -66,26 +77,31 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     let bounds = scene.bounds().unwrap_or_default();
     let rho = voxels::spacing(bounds, settings);
     let volume_grid = volume_grid(bounds, settings)?;
-    let (grid, scene, layout) = {
+    let (grid, scale, laid_out) = {
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
-        let grid = {
-            let _stage = progress.stage("voxelize", 0);
-            VoxelGrid::build(&scene, &caster, rho, settings).map_err(voxel_error)?
+        let mut scale = {
+            let _stage = progress.stage("local scale", 0);
+            local_scale(&caster, settings)
         };
         progress.check()?;
-        let _stage = progress.stage("unwrap", 0);
-        let (scene, layout) = layout(&scene, &caster, &grid, settings, progress)?;
-        (grid, scene, layout)
+        let grid = {
+            let _stage = progress.stage("voxelize", 0);
+            VoxelGrid::build(&scene, &caster, rho, &scale, settings).map_err(voxel_error)?
+        };
+        if !scale.is_uniform() {
+            let hits = scale::importance(&scale, &grid, &caster);
+            scale.look(&scene, &hits);
+        }
+        progress.check()?;
+        let laid_out = lay_out(&scene, &caster, &grid, &scale, settings, progress)?;
+        (grid, scale, laid_out)
     };
     progress.check()?;
 
     // Receivers: texels of the lightmap.
+    let LaidOut { scene, layout, receivers } = laid_out;
     let caster = RayCaster::new(&scene).map_err(tree_error)?;
     let atlas = Atlas::of(&scene);
-    let receivers = {
-        let _stage = progress.stage("receivers", 0);
-        receivers::place(&scene, &atlas, &caster, layout.size, &|_, _, _| !progress.is_cancelled()).ok_or(Cancelled)?
-    };
     if receivers.is_empty() {
         return Err(BakeError::Scene {
             what: "no texel of the lightmap is a receiver: every surface lies inside or behind geometry".into(),
@@ -97,7 +113,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     // Probes, their radius, and who supports whom.
     let (probes, support, placement) = {
         let _stage = progress.stage("probes", 0);
-        probes::place(&caster, &grid, rho, &receivers.position, &receivers.geometric_normal, settings)
+        probes::place(&caster, &grid, rho, &scale, &receivers.position, &receivers.geometric_normal, settings)
             .map_err(placement_error)?
     };
     let volume = match volume_grid {
@@ -128,7 +144,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         Transport::Paper => None,
         Transport::Fitted => {
             let _stage = progress.stage("fit", 0);
-            Some(FitScene::new(&caster, &atlas, &receivers, &probes, settings.relight_rays, &probe_basis))
+            Some(FitScene::new(&caster, &atlas, &receivers, &probes, &support, settings.relight_rays, &probe_basis))
         }
     };
     progress.check()?;
@@ -210,26 +226,91 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
 }
 
-/// The scene with lightmap coordinates: its own if usable, else unwrapped, with a face for each live side.
-fn layout(
+/// R of a scene, as the settings ask for it.
+fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
+    if settings.density == Density::Uniform {
+        return LocalScale::uniform();
+    }
+    let most = (settings.receivers as usize / RECEIVERS_PER_SAMPLE).max(LEAST_SAMPLES);
+    let focus = settings.focus.iter().map(|&[x, y, z, radius_m]| Focus { center: Vec3::new(x, y, z), radius_m });
+    LocalScale::of(scale::measure(caster, most), caster.scene().extent(), focus.collect())
+}
+
+/// A scene with its layout, and the receivers on it.
+struct LaidOut {
+    scene: Scene,
+    layout: LayoutReport,
+    receivers: ReceiverSet,
+}
+
+/// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
+/// with a face for each live side and large faces cut where they need very different densities.
+fn lay_out(
     scene: &Scene,
     caster: &RayCaster<'_>,
     grid: &VoxelGrid,
+    scale: &LocalScale,
     settings: &BakeSettings,
     progress: &Progress,
-) -> Result<(Scene, LayoutReport), BakeError> {
-    let size = settings
-        .texel
-        .map_or(LayoutSize::Lightmap { texels: settings.lightmap, fill: settings.fill }, LayoutSize::Texel);
+) -> Result<LaidOut, BakeError> {
+    let stage = progress.stage("unwrap", 0);
+    let mut size =
+        LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel };
     let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
-    let Err(reason) = unwrap::usable_layout(scene, size).map_err(unwrap_error)? else {
-        return unwrap::ensure_layout(scene.clone(), settings.unwrap, size, &watch).map_err(unwrap_error);
+    let reason = match unwrap::usable_layout(scene, size).map_err(unwrap_error)? {
+        Ok(texels) => {
+            drop(stage);
+            let _stage = progress.stage("receivers", 0);
+            let atlas = Atlas::of(scene);
+            let receivers = receivers::place(scene, &atlas, caster, texels, &watch).ok_or(Cancelled)?;
+            let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
+            return Ok(LaidOut { scene: scene.clone(), layout, receivers });
+        }
+        Err(reason) => reason,
     };
-    let (split, back_faces) =
+    let (mut split, back_faces) =
         sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
+    cut::by_scale(&mut split, scale);
+    let hits = match scale.is_uniform() {
+        true => Vec::new(),
+        false => scale::importance(scale, grid, &RayCaster::new(&split).map_err(tree_error)?),
+    };
     let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
-    let (scene, report) = unwrap::unwrap_with(split, backend.as_ref(), size, &watch).map_err(unwrap_error)?;
-    Ok((scene, LayoutReport { back_faces, reason: Some(reason), ..report }))
+    let wanted = Wanted { scale, hits: &hits };
+    let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
+    drop(stage);
+    let mut best: Option<(f64, LaidOut)> = None;
+    for _ in 0..LAYOUTS {
+        let stage = progress.stage("layout", 0);
+        let (scene, texels) = charts.lay_out(split.clone(), caster, size, &watch).map_err(unwrap_error)?;
+        drop(stage);
+        let _stage = progress.stage("receivers", 0);
+        let atlas = Atlas::of(&scene);
+        let receivers = {
+            let caster = RayCaster::new(&scene).map_err(tree_error)?;
+            receivers::place(&scene, &atlas, &caster, texels, &watch).ok_or(Cancelled)?
+        };
+        let (found, covered) = (receivers.len(), receivers.len() + receivers.invalid.len());
+        let miss = (found as f64 / f64::from(settings.receivers) - 1.0).abs();
+        let layout = LayoutReport {
+            kept: false,
+            reason: Some(reason.clone()),
+            back_faces,
+            size: texels,
+            charts: atlas.n_charts,
+        };
+        if best.as_ref().is_none_or(|best| miss < best.0) {
+            best = Some((miss, LaidOut { scene, layout, receivers }));
+        }
+        // Texels inside of geometry and in the holes of masks hold none: as many more are needed.
+        let wanted = f64::from(size.texels) * f64::from(settings.receivers) / found.max(1) as f64;
+        let is_full = (covered as f64) < (1.0 - BUDGET_MISSED) * f64::from(size.texels);
+        if miss < BUDGET_MISSED || found == 0 || is_full {
+            break;
+        }
+        size.texels = wanted.min(MOST_EXTRA * f64::from(settings.receivers)) as u32;
+    }
+    best.map(|best| best.1).ok_or_else(|| BakeError::Internal { what: "no layout was made".into() })
 }
 
 /// Clusters of all receivers in leaf order, and the rays they cost. The rows of a leaf are made, compressed and dropped.
@@ -291,8 +372,8 @@ fn volume_transport(
     progress: &Progress,
 ) -> Result<(VolumeArrays, RayCounts), BakeError> {
     let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
-    let (_, support, _) =
-        probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
+    let support =
+        probes::link_points(&cells.positions, lightmap.probes, &sees, settings).map_err(placement_error)?;
     let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
     let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
@@ -378,12 +459,13 @@ fn assemble(
     rays: RelightRays,
     clusters: Vec<Cluster>,
 ) -> Result<BakedArrays, BakeError> {
-    let packed = Packed::of(clusters, "the cluster matrices", "fewer receivers (--fill, --lightmap, --texel)")?;
+    let packed = Packed::of(clusters, "the cluster matrices", "fewer --receivers")?;
     let mut arrays = BakedArrays {
         probes: probes
             .positions
             .iter()
-            .map(|position| Probe { position: position.to_array(), support_radius_m: probes.radius_m })
+            .zip(&probes.radius_m)
+            .map(|(position, &support_radius_m)| Probe { position: position.to_array(), support_radius_m })
             .collect(),
         ray_dirs: rays.dirs,
         ray_sh: rays.sh,
@@ -457,6 +539,7 @@ fn atlas_facts(layout: &LayoutReport, receivers: &ReceiverSet, settings: &BakeSe
         lightmap: layout.size,
         direct_map: settings.direct_map,
         charts: u64::from(layout.charts),
+        map_used: (receivers.len() + receivers.invalid.len()) as f64 / f64::from(layout.size).powi(2),
         back_faces: layout.back_faces as u64,
         covered_texels: (receivers.len() + receivers.invalid.len()) as u64,
         pushed_receivers: receivers.pushed as u64,
@@ -483,7 +566,7 @@ fn fill_results(
     report.receivers = receivers.len() as u64;
     report.invalid_receivers = receivers.invalid.len() as u64;
     report.probes = probes.positions.len() as u64;
-    report.radius = probes.radius_m;
+    report.radius = probes.median_radius_m();
     let counts = support.start.windows(2).map(|run| run[1] - run[0]);
     report.overlap = Overlap {
         mean: (support.probes.len() as f64 / receivers.len().max(1) as f64) as f32,

@@ -168,6 +168,8 @@ pub struct AtlasFacts {
     pub direct_map: u32,
     /// Charts.
     pub charts: u64,
+    /// Share of the receiver map that faces touch.
+    pub map_used: f64,
     /// Faces added for the back sides of double-sided surfaces.
     pub back_faces: u64,
     /// Receiver texels that a face covers.

@@ -7,7 +7,7 @@ mod layers;
 mod preset;
 mod ranges;
 
-pub use layers::{FLAG_LAYER, SettingsError};
+pub use layers::{FILL_IS_GONE, FLAG_LAYER, SettingsError};
 pub use preset::Preset;
 pub use ranges::OutOfRange;
 
@@ -44,13 +44,18 @@ pub struct BakeSettings {
     pub receiver_degree: u32,
     /// SH degree of the sky columns, 0..=10.
     pub sky_degree: u32,
-    /// Receiver map, texels per side; ignored with `texel`.
-    pub lightmap: u32,
-    /// Most of the receiver map that surfaces may take, 0..=1: a fuller map has finer texels and more receivers, which
-    /// cost time and bytes. The paper.s maps are 17 to 48 % full. Ignored with `texel` and where the scene's own
-    /// TEXCOORD_1 is kept.
-    pub fill: f32,
-    /// Metres per texel of the receiver map instead of its size.
+    /// Receivers to spend; fewer where the map or the finest texel does not allow as many, and where the scene's own
+    /// TEXCOORD_1 is kept only about as many.
+    pub receivers: u32,
+    /// How receivers and probes are spread.
+    pub density: Density,
+    /// Balls that get finer texels and more probes: x, y, z and radius, metres.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub focus: Vec<[f32; 4]>,
+    /// Receiver map, texels per side; absent: as few as hold the receivers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lightmap: Option<u32>,
+    /// Edge of the finest texel of the receiver map, metres; absent: what the scene's detail and the receivers allow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub texel: Option<f32>,
     /// Direct light map, texels per side (SL17 5).
@@ -80,6 +85,17 @@ pub struct BakeSettings {
     /// The bake fails (exit code 7) when the mean unseen share exceeds this, 0..=1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_unseen: Option<f32>,
+}
+
+/// How receivers and probes are spread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Density {
+    /// By the local scale: many where surfaces are near each other, few in the open.
+    #[default]
+    Scale,
+    /// Evenly, as in the paper's scenes.
+    Uniform,
 }
 
 /// How transport rows are made.
@@ -118,8 +134,10 @@ impl Default for BakeSettings {
             probe_degree: 7,
             receiver_degree: 0,
             sky_degree: 4,
-            lightmap: 1024,
-            fill: 0.13,
+            receivers: 250_000,
+            density: Density::Scale,
+            focus: Vec::new(),
+            lightmap: None,
             texel: None,
             direct_map: 2048,
             gather_rays: 1024,

@@ -1,7 +1,7 @@
 //! One flag per option of a bake.
 
 use clap::{Args, ValueEnum};
-use localprt_precompute::settings::{Preset, Transport, UnwrapBackend};
+use localprt_precompute::settings::{Density, FILL_IS_GONE, Preset, Transport, UnwrapBackend};
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -49,22 +49,27 @@ pub struct BakeFlags {
     #[serde(skip_serializing_if = "Option::is_none")]
     relight_rays: Option<u32>,
 
-    /// Receiver map: texels per side
-    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", conflicts_with = "texel", value_parser = whole,
-          allow_negative_numbers = true)]
+    /// Receivers to spend: more cost time and bytes
+    #[arg(long, value_name = "N", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    receivers: Option<u32>,
+    /// How receivers and probes are spread: by the scale of what is around them, or evenly
+    #[arg(long, value_enum, help_heading = "Receivers")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    density: Option<DensityName>,
+    /// A ball in which texels are finer and probes closer, metres; may be given several times
+    #[arg(long, value_name = "X,Y,Z,RADIUS", help_heading = "Receivers", value_parser = ball, allow_hyphen_values = true)]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    focus: Vec<[f32; 4]>,
+    /// Receiver map: texels per side [default: as few as hold the receivers]
+    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     lightmap: Option<u32>,
-    /// Most of the receiver map that surfaces may take, 0 to 1: more receivers cost time and bytes
-    #[arg(
-        long,
-        value_name = "SHARE",
-        help_heading = "Receivers",
-        conflicts_with = "texel",
-        allow_negative_numbers = true
-    )]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Gone: see --receivers
+    #[arg(long, value_name = "SHARE", hide = true, value_parser = gone, allow_negative_numbers = true)]
+    #[serde(skip)]
     fill: Option<f32>,
-    /// Receiver map by metres per texel instead of its size
+    /// Edge of the finest texel of the receiver map in metres [default: what the scene's detail asks for]
     #[arg(long, value_name = "M", help_heading = "Receivers", allow_negative_numbers = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     texel: Option<f32>,
@@ -155,6 +160,25 @@ impl From<PresetName> for Preset {
     }
 }
 
+/// `--density`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum DensityName {
+    /// Many where surfaces are near each other, few in the open
+    Scale,
+    /// As the paper's scenes have them
+    Uniform,
+}
+
+impl Serialize for DensityName {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Scale => Density::Scale,
+            Self::Uniform => Density::Uniform,
+        }
+        .serialize(serializer)
+    }
+}
+
 /// `--transport`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum TransportName {
@@ -212,10 +236,22 @@ fn whole(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| "expected a whole number, such as 512".into())
 }
 
+/// Exactly `N` numbers with commas between them.
+fn numbers<const N: usize>(text: &str) -> Option<[f32; N]> {
+    let numbers: Vec<f32> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
+    <[f32; N]>::try_from(numbers).ok().filter(|_| text.split(',').count() == N)
+}
+
 fn point(text: &str) -> Result<[f32; 3], String> {
-    let coordinates: Vec<f32> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
-    let point = <[f32; 3]>::try_from(coordinates).ok().filter(|_| text.split(',').count() == 3);
-    point.ok_or_else(|| "expected three numbers in metres, such as 0,1.5,-2".into())
+    numbers(text).ok_or_else(|| "expected three numbers in metres, such as 0,1.5,-2".into())
+}
+
+fn ball(text: &str) -> Result<[f32; 4], String> {
+    numbers(text).ok_or_else(|| "expected a place and a radius in metres, such as 0,1.5,-2,3".into())
+}
+
+fn gone(_: &str) -> Result<f32, String> {
+    Err(FILL_IS_GONE.replace('`', "").replace("receivers;", "--receivers;"))
 }
 
 #[cfg(test)]
@@ -238,6 +274,8 @@ mod tests {
             probes: Some(1),
             voxel: Some(1.0),
             interior: vec![[0.0; 3]],
+            focus: vec![[1.0; 4]],
+            lightmap: Some(64),
             texel: Some(1.0),
             volume: Some(1.0),
             max_unseen: Some(1.0),
@@ -245,7 +283,8 @@ mod tests {
         });
         let options = options.expect("plain data");
         let mut keys: Vec<&str> = options.as_object().expect("a struct").keys().map(String::as_str).collect();
-        let mut flags: Vec<&str> = command.get_arguments().map(|flag| flag.get_id().as_str()).collect();
+        let shown = command.get_arguments().filter(|flag| !flag.is_hide_set());
+        let mut flags: Vec<&str> = shown.map(|flag| flag.get_id().as_str()).collect();
         keys.sort_unstable();
         flags.sort_unstable();
         assert_eq!(flags, keys);
@@ -271,5 +310,7 @@ mod tests {
         for text in ["1,2", "1,2,3,4", "1,2,x", "", "1,2,3,"] {
             assert!(point(text).is_err(), "{text}");
         }
+        assert_eq!(ball("1,2,3,0.5"), Ok([1.0, 2.0, 3.0, 0.5]));
+        assert!(ball("1,2,3").is_err());
     }
 }

@@ -3,11 +3,13 @@
 use super::Atlas;
 use glam::{Vec2, Vec3};
 use localprt_scenes::Scene;
+use std::collections::HashMap;
 
 impl Atlas {
     /// Reads TEXCOORD_1. Faces of one mesh belong to the same chart where they share an edge with equal positions and
-    /// equal coordinates at both ends; charts are numbered by their first face. Meshes without TEXCOORD_1 get zero
-    /// coordinates, which cover nothing.
+    /// equal coordinates at both ends; charts are numbered by their first face. A face that lies in one point of the map
+    /// belongs to the chart that has a corner there: it shares its texels. Meshes without TEXCOORD_1 get zero coordinates, which
+    /// cover nothing.
     pub fn of(scene: &Scene) -> Self {
         let mut corners = Vec::with_capacity(scene.face_count());
         let mut sets = Sets::new(scene.face_count());
@@ -33,6 +35,7 @@ impl Atlas {
                 }
             }
         }
+        join_points(&corners, &mut sets);
         let mut n_charts = 0;
         let mut chart = vec![0u32; corners.len()];
         for face in 0..corners.len() {
@@ -46,6 +49,29 @@ impl Atlas {
             }
         }
         Self { corners, chart, n_charts }
+    }
+}
+
+/// Joins faces that lie in one point of the map with the lowest face with area that has a corner there.
+fn join_points(corners: &[[Vec2; 3]], sets: &mut Sets) {
+    let is_point = |uv: &[Vec2; 3]| uv[0] == uv[1] && uv[1] == uv[2];
+    let key = |uv: Vec2| [uv.x, uv.y].map(|value| (value + 0.0).to_bits());
+    let mut points: HashMap<[u32; 2], Option<u32>> =
+        corners.iter().filter(|uv| is_point(uv)).map(|uv| (key(uv[0]), None)).collect();
+    if points.is_empty() {
+        return;
+    }
+    for (face, uv) in corners.iter().enumerate().filter(|(_, uv)| (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) != 0.0) {
+        for &corner in uv {
+            if let Some(owner) = points.get_mut(&key(corner)) {
+                owner.get_or_insert(face as u32);
+            }
+        }
+    }
+    for (face, uv) in corners.iter().enumerate().filter(|(_, uv)| is_point(uv)) {
+        if let Some(&Some(owner)) = points.get(&key(uv[0])) {
+            sets.join(face as u32, owner);
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 //! size with them; [`receivers`] turns covered texels into receivers.
 
 mod charts;
+pub mod cut;
 mod gutters;
 mod raster;
 pub mod receivers;
@@ -110,12 +111,8 @@ pub struct LayoutReport {
     pub reason: Option<String>,
     /// Faces added for the back sides of double-sided surfaces.
     pub back_faces: usize,
-    /// Receiver map size that the layout is meant for.
+    /// Texels per side of the receiver map.
     pub size: u32,
     /// Charts.
     pub charts: u32,
-    /// Share of the map's texels that a face touches, 0..=1.
-    pub used: f32,
-    /// Edge of a texel on the surface, metres, mean over the surface.
-    pub texel_m: f32,
 }

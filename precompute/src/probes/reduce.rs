@@ -43,10 +43,9 @@ impl Reduction {
         padded
     }
 
-    /// Thins what is kept further, by the rules of [`reduce`].
-    pub fn further(&self, candidates: &[Vec3], target: usize, rho: f32) -> Self {
-        let positions: Vec<Vec3> = self.kept.iter().map(|&index| candidates[index as usize]).collect();
-        let fewer = reduce(&positions, target, rho);
+    /// Thins what is kept further; `thin` takes indices of candidates and the number to keep, and answers by rank among them.
+    pub fn further(&self, target: usize, thin: impl Fn(&[u32], usize) -> Self) -> Self {
+        let fewer = thin(&self.kept, target);
         let mut removed = self.removed.clone();
         removed.extend(fewer.removed.iter().map(|&rank| self.kept[rank as usize]));
         Self { kept: fewer.kept.iter().map(|&rank| self.kept[rank as usize]).collect(), removed }

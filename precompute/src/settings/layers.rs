@@ -6,8 +6,11 @@ use toml::{Table, Value};
 /// Name under which errors report the layer of the flags.
 pub const FLAG_LAYER: &str = "command line";
 
+/// What to use instead of an option that there was.
+pub const FILL_IS_GONE: &str = "`fill` is gone: give the number of receivers with `receivers`; the map's size follows";
+
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 26] = [
+const KEYS: [&str; 28] = [
     "spacing",
     "probes",
     "voxel",
@@ -19,8 +22,10 @@ const KEYS: [&str; 26] = [
     "probe_degree",
     "receiver_degree",
     "sky_degree",
+    "receivers",
+    "density",
+    "focus",
     "lightmap",
-    "fill",
     "texel",
     "direct_map",
     "gather_rays",
@@ -98,6 +103,7 @@ impl SettingsError {
             Self::Syntax { .. } | Self::WrongType { .. } => {
                 "`precompute bake --print-config` prints a file with all options to start from".into()
             }
+            Self::UnknownKey { key, .. } if key == "fill" => FILL_IS_GONE.into(),
             Self::UnknownKey { nearest: Some(nearest), .. } => format!("did you mean `{nearest}`?"),
             Self::UnknownKey { nearest: None, .. } => {
                 "`precompute bake --print-config` prints all options there are".into()
@@ -111,9 +117,6 @@ impl SettingsError {
 impl BakeSettings {
     /// Flags over configuration over preset over defaults. `config` is the file's name and text; `flags` holds the
     /// options given on the command line, by key.
-    ///
-    /// The receiver map has a size in texels or in metres per texel; a layer that gives one of them overrules the
-    /// other one of the layers below.
     ///
     /// # Errors
     /// [`SettingsError`] with the layer that is to blame.
@@ -138,17 +141,18 @@ impl BakeSettings {
     }
 
     /// The options that a baked file was made with, from the text in its metadata. Files from before rows were fitted do not
-    /// name their transport: it is the paper's.
+    /// name their transport: it is the paper's. Those from before budgets do not name their density: it is even.
     ///
     /// # Errors
     /// [`SettingsError`], its layer the options of the bake.
     pub fn of_file(options: &str) -> Result<Self, SettingsError> {
         let layer = "options of the bake";
-        let mut flags = Table::new();
-        if !parse(layer, options)?.contains_key("transport") {
-            flags.insert("transport".into(), Value::String("paper".into()));
+        let mut options = parse(layer, options)?;
+        for (key, before) in [("transport", "paper"), ("density", "uniform")] {
+            options.entry(key).or_insert_with(|| Value::String(before.into()));
         }
-        Self::resolve(Preset::Production, Some((layer, options)), &flags)
+        options.remove("fill");
+        Self::resolve(Preset::Production, Some((layer, &options.to_string())), &Table::new())
     }
 
     /// The text of a configuration file with these settings: [`BakeSettings::resolve`] reads it back to the same.
@@ -185,9 +189,6 @@ fn overlay(
         layer_of.push((key.clone(), layer.into()));
         table.insert(key.clone(), value.clone());
     }
-    if from.contains_key("lightmap") && !from.contains_key("texel") {
-        table.remove("texel");
-    }
     Ok(())
 }
 
@@ -221,7 +222,7 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Transport, UnwrapBackend};
+    use crate::settings::{Density, Transport, UnwrapBackend};
 
     fn full() -> BakeSettings {
         BakeSettings {
@@ -229,6 +230,8 @@ mod tests {
             probes: Some(150),
             voxel: Some(0.01),
             interior: vec![[0.1, 1.0, -2.5], [0.0, 0.0, 0.0]],
+            focus: vec![[0.0, 1.0, 2.0, 3.0]],
+            lightmap: Some(512),
             texel: Some(0.05),
             volume: Some(0.5),
             unwrap: UnwrapBackend::Xatlas,
@@ -256,9 +259,11 @@ mod tests {
     }
 
     #[test]
-    fn files_that_do_not_name_their_transport_have_the_papers() {
+    fn files_of_earlier_versions_have_the_papers_transport_and_an_even_density() {
         let settings = BakeSettings::of_file("probe_degree = 4").expect("valid");
         assert_eq!((settings.transport, settings.probe_degree), (Transport::Paper, 4));
+        assert_eq!(settings.density, Density::Uniform);
+        BakeSettings::of_file("lightmap = 256\nfill = 0.13").expect("options of an earlier version");
         let settings = BakeSettings::of_file(&BakeSettings::default().to_toml()).expect("valid");
         assert_eq!(settings, BakeSettings::default());
     }
@@ -268,16 +273,7 @@ mod tests {
         let flags: Table = "gather_rays = 7".parse().expect("TOML");
         let config = "gather_rays = 8\nrelight_rays = 9\n";
         let settings = BakeSettings::resolve(Preset::Preview, Some(("c.toml", config)), &flags).expect("valid");
-        assert_eq!((settings.gather_rays, settings.relight_rays, settings.lightmap), (7, 9, 512));
-    }
-
-    #[test]
-    fn a_map_size_overrules_a_texel_size_of_a_lower_layer() {
-        let flags: Table = "lightmap = 256".parse().expect("TOML");
-        let config = Some(("c.toml", "texel = 0.1"));
-        assert_eq!(BakeSettings::resolve(Preset::Production, config, &flags).expect("valid").texel, None);
-        let both = BakeSettings::resolve(Preset::Production, config, &Table::new()).expect("valid");
-        assert_eq!(both.texel, Some(0.1));
+        assert_eq!((settings.gather_rays, settings.relight_rays, settings.receivers), (7, 9, 60_000));
     }
 
     #[test]
@@ -293,6 +289,7 @@ mod tests {
         assert!(refused("gather-rays = 3", "").ends_with("did you mean `gather_rays`?"));
         assert!(refused("quality = 3", "").contains("--print-config"));
         assert!(refused("gather_rays = 'many'", "").starts_with("c.toml: option `gather_rays`: invalid type"));
+        assert!(refused("fill = 0.1", "").contains("receivers"));
         let text = refused("leaf = 0", "");
         assert!(text.starts_with("c.toml: leaf = 0 is out of range; allowed: 2 to 8192 /"), "{text}");
         let text = refused("", "leaf = 1");

@@ -33,9 +33,9 @@ impl Preset {
         let production = BakeSettings::default();
         match self {
             Self::Preview => {
-                BakeSettings { lightmap: 512, direct_map: 1024, gather_rays: 256, relight_rays: 2000, ..production }
+                BakeSettings { receivers: 60_000, direct_map: 1024, gather_rays: 256, relight_rays: 2000, ..production }
             }
-            Self::Medium => BakeSettings { lightmap: 768, gather_rays: 512, relight_rays: 4000, ..production },
+            Self::Medium => BakeSettings { receivers: 120_000, gather_rays: 512, relight_rays: 4000, ..production },
             Self::Production => production,
         }
     }
@@ -55,7 +55,7 @@ mod tests {
     fn gather_cost_rises_from_preset_to_preset() {
         let cost = |preset: Preset| {
             let settings = preset.settings();
-            u64::from(settings.lightmap).pow(2) * u64::from(settings.gather_rays)
+            u64::from(settings.receivers) * u64::from(settings.gather_rays)
         };
         let costs = Preset::ALL.map(cost);
         assert!(costs[0] * 10 <= costs[2], "preview is to cost a tenth or less");

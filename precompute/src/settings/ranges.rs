@@ -22,7 +22,7 @@ impl BakeSettings {
     pub fn check(&self) -> Result<(), OutOfRange> {
         let length = "a finite length above 0 m";
         positive("spacing", self.spacing, length)?;
-        whole("probes", self.probes.map_or(1, u64::from), 1, 1_000_000)?;
+        whole("probes", self.probes.map_or(1, u64::from), 1, crate::probes::MAX_PROBES.into())?;
         positive("voxel", self.voxel, length)?;
         for point in &self.interior {
             if !point.iter().all(|value| value.is_finite()) {
@@ -32,12 +32,18 @@ impl BakeSettings {
         real("standoff", self.standoff, 0.0, 10.0)?;
         real("overlap", self.overlap, 1.0, 1000.0)?;
         whole("min_overlap", self.min_overlap.into(), 0, 1000)?;
-        real("repair", self.repair, 0.0, 10.0)?;
+        real("repair", self.repair, 0.0, 1.0)?;
         whole("probe_degree", self.probe_degree.into(), 0, 10)?;
         whole("receiver_degree", self.receiver_degree.into(), 0, 1)?;
         whole("sky_degree", self.sky_degree.into(), 0, 10)?;
-        whole("lightmap", self.lightmap.into(), 8, 16_384)?;
-        real("fill", self.fill, 0.01, 1.0)?;
+        whole("receivers", self.receivers.into(), 1, 1 << 26)?;
+        for focus in &self.focus {
+            if !(focus.iter().all(|value| value.is_finite()) && focus[3] > 0.0) {
+                let allowed = "finite coordinates in metres and a radius above 0 m";
+                return Err(out_of_range("focus", &format!("{focus:?}"), allowed));
+            }
+        }
+        whole("lightmap", self.lightmap.map_or(16, u64::from), 16, 8192)?;
         positive("texel", self.texel, length)?;
         if !(8..=16_384).contains(&self.direct_map) || !self.direct_map.is_power_of_two() {
             return Err(out_of_range("direct_map", &self.direct_map.to_string(), "a power of two from 8 to 16384"));
@@ -104,6 +110,9 @@ mod tests {
         assert_eq!(refused(BakeSettings { overlap: f32::NAN, ..settings() }), "overlap");
         assert_eq!(refused(BakeSettings { probe_degree: 11, ..settings() }), "probe_degree");
         assert_eq!(refused(BakeSettings { interior: vec![[0.0, f32::NAN, 0.0]], ..settings() }), "interior");
+        assert_eq!(refused(BakeSettings { focus: vec![[0.0, 0.0, 0.0, 0.0]], ..settings() }), "focus");
+        assert_eq!(refused(BakeSettings { lightmap: Some(8), ..settings() }), "lightmap");
+        assert_eq!(refused(BakeSettings { receivers: 0, ..settings() }), "receivers");
         assert_eq!(refused(BakeSettings { seed: u64::MAX, ..settings() }), "seed");
         assert_eq!(refused(BakeSettings { volume: Some(-1.0), ..settings() }), "volume");
         assert_eq!(refused(BakeSettings { volume_degree: 3, ..settings() }), "volume_degree");

@@ -22,7 +22,7 @@ use serde::Serialize;
 /// Receivers at which a sweep measures the operator norm.
 const NORM_RECEIVERS: usize = 1024;
 /// Options that would move the receivers, so that nothing could be compared.
-const OF_THE_LAYOUT: [&str; 5] = ["lightmap", "fill", "texel", "unwrap", "receiver_degree"];
+const OF_THE_LAYOUT: [&str; 5] = ["receivers", "lightmap", "texel", "unwrap", "receiver_degree"];
 
 /// One option and the values to try.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,7 +84,7 @@ impl Sweep {
             });
         }
         // The scene carries its layout now, and it is used at the size of the file's map.
-        let base = BakeSettings { lightmap, texel: None, max_unseen: None, ..baked.clone() };
+        let base = BakeSettings { lightmap: Some(lightmap), texel: None, max_unseen: None, ..baked.clone() };
         let settings = values
             .iter()
             .map(|value| {
@@ -183,7 +183,7 @@ mod tests {
         };
         let degrees = sweep("degree", &["2", "7"]).expect("valid");
         assert_eq!(degrees.settings[0].1.probe_degree, 2);
-        assert_eq!((degrees.settings[1].1.lightmap, degrees.settings[1].1.texel), (256, None));
+        assert_eq!((degrees.settings[1].1.lightmap, degrees.settings[1].1.texel), (Some(256), None));
         assert_eq!(sweep("probes", &["8"]).expect("valid").settings[0].1.probes, Some(8));
         let transports = sweep("transport", &["paper", "fitted"]).expect("valid");
         assert_eq!(transports.settings[0].1.transport, crate::settings::Transport::Paper);

@@ -17,7 +17,7 @@ mod tests;
 pub use flood_fill::{MAX_BACK_SHARE, Surroundings, surroundings};
 pub use spacing::{DEFAULT_PROBES, grid_points, spacing, spacing_for};
 
-use crate::{rays::RayCaster, settings::BakeSettings};
+use crate::{rays::RayCaster, scale::LocalScale, settings::BakeSettings};
 use glam::{DVec3, UVec3, Vec3};
 use localprt_scenes::Scene;
 
@@ -34,6 +34,8 @@ const LEAST_VOXELS_LONGEST: f64 = 32.0;
 const LEAST_VOXELS_SHORTEST: f64 = 8.0;
 /// That rule makes voxels no smaller than this fraction of the longest side.
 const MOST_VOXELS_LONGEST: f64 = 256.0;
+/// Default voxel over the finest local scale.
+const VOXELS_OF_SCALE: f32 = 1.0;
 /// Voxels are at least this many roundings of the largest coordinate, so that neighboring centres differ.
 const LEAST_ROUNDINGS: f64 = 8.0;
 
@@ -124,18 +126,24 @@ impl VoxelGrid {
     /// Rasterises a scene and finds its open space.
     ///
     /// `rho` is the probe spacing in metres. A voxel measures `settings.voxel`, or rho / 6, less where that would not
-    /// resolve the scene box (32 voxels along its longest side, 8 along its shortest), and more where the grid would
-    /// pass [`MAX_VOXELS`].
+    /// resolve the scene box (32 voxels along its longest side, 8 along its shortest) or its finest local scale, the latter with
+    /// a sixteenth of the voxels that a grid may have, and more where the grid would pass [`MAX_VOXELS`].
     ///
     /// # Errors
     ///
     /// [`VoxelError::EmptyScene`] and [`VoxelError::NotFinite`] for the scene, the others for the options.
-    pub fn build(scene: &Scene, caster: &RayCaster, rho: f32, settings: &BakeSettings) -> Result<Self, VoxelError> {
+    pub fn build(
+        scene: &Scene,
+        caster: &RayCaster,
+        rho: f32,
+        scale: &LocalScale,
+        settings: &BakeSettings,
+    ) -> Result<Self, VoxelError> {
         let (low, high) = scene.bounds().ok_or(VoxelError::EmptyScene)?;
         if !low.is_finite() || !high.is_finite() {
             return Err(VoxelError::NotFinite { low, high });
         }
-        let voxel_m = voxel_size((low, high), rho, settings)?;
+        let voxel_m = voxel_size((low, high), rho, scale, settings)?;
         let origin = (low.as_dvec3() - PADDING * f64::from(voxel_m)).as_vec3();
         let cells = axis_voxels(high.as_dvec3() - low.as_dvec3(), f64::from(voxel_m));
         let size = UVec3::new(cells.x as u32, cells.y as u32, cells.z as u32);
@@ -193,13 +201,19 @@ impl VoxelGrid {
 }
 
 /// Edge of a voxel in metres, by the rules of [`VoxelGrid::build`].
-fn voxel_size((low, high): (Vec3, Vec3), rho: f32, settings: &BakeSettings) -> Result<f32, VoxelError> {
+fn voxel_size(
+    (low, high): (Vec3, Vec3),
+    rho: f32,
+    scale: &LocalScale,
+    settings: &BakeSettings,
+) -> Result<f32, VoxelError> {
     let positive = |option, value: f32| {
         if value > 0.0 && value.is_finite() { Ok(value) } else { Err(VoxelError::InvalidLength { option, value }) }
     };
     let rho = f64::from(positive("spacing", rho)?);
     let extent = high.as_dvec3() - low.as_dvec3();
-    let smallest_m = smallest_voxel(extent, low.abs().max(high.abs()).max_element());
+    let largest_coordinate = low.abs().max(high.abs()).max_element();
+    let smallest_m = smallest_voxel(extent, largest_coordinate, MAX_VOXELS);
     if let Some(voxel_m) = settings.voxel {
         positive("voxel", voxel_m)?;
         if voxel_m < smallest_m {
@@ -214,12 +228,17 @@ fn voxel_size((low, high): (Vec3, Vec3), rho: f32, settings: &BakeSettings) -> R
         let shortest = extent.to_array().into_iter().filter(|&side| side > flat).fold(longest, f64::min);
         voxel_m = voxel_m.min(longest / LEAST_VOXELS_LONGEST).min((shortest / LEAST_VOXELS_SHORTEST).max(flat));
     }
-    Ok((voxel_m as f32).max(smallest_m))
+    let mut voxel_m = voxel_m as f32;
+    if !scale.is_uniform() {
+        let affordable_m = smallest_voxel(extent, largest_coordinate, MAX_VOXELS / 16);
+        voxel_m = voxel_m.min((VOXELS_OF_SCALE * scale.finest_m()).max(affordable_m));
+    }
+    Ok(voxel_m.max(smallest_m))
 }
 
-/// Smallest voxel that keeps a grid below the cap and its centres apart in f32, metres.
-fn smallest_voxel(extent: DVec3, largest_coordinate: f32) -> f32 {
-    let fits = |voxel_m: f64| axis_voxels(extent, voxel_m).element_product() <= MAX_VOXELS as f64;
+/// Smallest voxel that keeps a grid of at most so many voxels and its centres apart in f32, metres.
+fn smallest_voxel(extent: DVec3, largest_coordinate: f32, most: u64) -> f32 {
+    let fits = |voxel_m: f64| axis_voxels(extent, voxel_m).element_product() <= most as f64;
     // At the longest side as the voxel there are 6 voxels per axis at most; 2^26 times finer is always too much.
     let (mut small, mut large) = (extent.max_element() / MAX_VOXELS as f64, extent.max_element());
     for _ in 0..40 {

@@ -1,6 +1,7 @@
 //! Whether the scene's own TEXCOORD_1 can hold a lightmap.
 
-use super::{Atlas, Footprint, LayoutSize, MAX_SIZE, MIN_SIZE, UnwrapError, area_m2, check_size, face_area_m2};
+use super::{Footprint, LayoutSize, MAX_SIZE, MIN_SIZE, UnwrapError, area_m2, check_size, face_area_m2};
+use crate::lightmap::{Atlas, texels};
 use glam::{DVec2, Vec2};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
@@ -13,6 +14,8 @@ const STARVED: f64 = 1e-3;
 const MOST_STARVED: f64 = 0.01;
 /// A texel centre counts as covered when it is this deep inside a face, texels: neighbours share their border.
 const DEPTH: f64 = 1e-3;
+/// Map sizes that are tried for a number of texels.
+const SIZES: usize = 3;
 /// Rows that one task looks at.
 const BAND: u32 = 32;
 
@@ -25,7 +28,7 @@ const BAND: u32 = 32;
 /// # Errors
 /// Map sizes out of range.
 pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, String>, UnwrapError> {
-    check_size(scene, size)?;
+    check_size(size)?;
     for mesh in &scene.meshes {
         let at = || format!("mesh {} ({})", mesh.name, mesh.source);
         let Some(uv) = mesh.lightmap_uv() else {
@@ -39,29 +42,27 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
     let atlas = Atlas::of(scene);
     let surface_m2 = area_m2(scene);
     let on_map: f64 = atlas.corners.iter().filter_map(|&uv| Footprint::new(uv, 1)).map(|face| face.area()).sum();
+    let held: Vec<f64> =
+        atlas.corners.iter().map(|&uv| Footprint::new(uv, 1).map_or(0.0, |face| face.area())).collect();
+    let mut chart_held = vec![0.0; atlas.n_charts as usize];
+    for (&chart, held) in atlas.chart.iter().zip(&held) {
+        chart_held[chart as usize] += held;
+    }
     let starved: f64 = scene
         .faces()
-        .zip(&atlas.corners)
-        .map(|((mesh, triangle), &uv)| {
+        .enumerate()
+        .map(|(face, (mesh, triangle))| {
             let area = face_area_m2(scene, mesh, triangle);
-            let held = Footprint::new(uv, 1).map_or(0.0, |face| face.area());
-            if held * surface_m2 < STARVED * on_map * area { area } else { 0.0 }
+            // A face in one point of a chart shares its texels.
+            let shares = held[face] == 0.0 && chart_held[atlas.chart[face] as usize] > 0.0;
+            if !shares && held[face] * surface_m2 < STARVED * on_map * area { area } else { 0.0 }
         })
         .sum();
     if on_map <= 0.0 && surface_m2 > 0.0 || starved > MOST_STARVED * surface_m2 {
         let share = if surface_m2 > 0.0 { 100.0 * starved / surface_m2 } else { 0.0 };
         return Ok(Err(format!("TEXCOORD_1 has no area for {share:.1} % of the surface")));
     }
-    let texels = match size {
-        LayoutSize::Lightmap { texels, .. } => texels,
-        LayoutSize::Texel(texel_m) => {
-            let needed = (surface_m2 / on_map.max(f64::MIN_POSITIVE)).sqrt() / f64::from(texel_m);
-            if needed > f64::from(MAX_SIZE) {
-                return Err(UnwrapError::texel_too_small(texel_m, needed.ceil() as u64));
-            }
-            (needed.ceil() as u32).max(MIN_SIZE).div_ceil(4) * 4
-        }
-    };
+    let texels = size.lightmap.unwrap_or_else(|| map_size(scene, &atlas, size, surface_m2, on_map));
     Ok(match overlap(scene, &atlas, texels) {
         None => Ok(texels),
         Some((first, second)) => {
@@ -75,6 +76,19 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
             Err(format!("TEXCOORD_1 overlaps at {texels} texels per side (faces {first} and {second}: {names})"))
         }
     })
+}
+
+/// Texels per side with which faces touch as many texels as were asked for.
+fn map_size(scene: &Scene, atlas: &Atlas, size: LayoutSize, surface_m2: f64, on_map: f64) -> u32 {
+    let on_map = on_map.max(f64::MIN_POSITIVE);
+    let rounded = |side: f64| (side.clamp(f64::from(MIN_SIZE), f64::from(MAX_SIZE)).round() as u32).div_ceil(4) * 4;
+    let mut side = (f64::from(size.texels) / on_map).sqrt();
+    for _ in 0..SIZES {
+        let covered = texels::cover(scene, atlas, rounded(side)).texels.len().max(1);
+        side = f64::from(rounded(side)) * (f64::from(size.texels) / covered as f64).sqrt();
+    }
+    let finest = size.finest_m.map_or(f64::INFINITY, |finest_m| (surface_m2 / on_map).sqrt() / f64::from(finest_m));
+    rounded(side.min(finest))
 }
 
 /// The first two faces that hold the same texel centre without being neighbours.

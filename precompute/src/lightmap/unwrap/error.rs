@@ -18,18 +18,6 @@ pub enum UnwrapError {
         /// What was asked for, metres.
         texel_m: f32,
     },
-    /// The map would exceed [`MAX_SIZE`].
-    #[error(
-        "texels of {texel_m} m need a lightmap of at least {needed} texels per side, at most {MAX_SIZE} are possible: choose a texel of {possible_m} m or more, or split the scene"
-    )]
-    TexelTooSmall {
-        /// What was asked for, metres.
-        texel_m: f32,
-        /// Texels per side that it takes.
-        needed: u64,
-        /// A texel size that may fit, metres.
-        possible_m: f32,
-    },
     /// A vertex that no surface can have.
     #[error("mesh {mesh} ({source_path}): vertex {vertex} is not finite")]
     NotFinite {
@@ -70,12 +58,4 @@ pub enum UnwrapError {
     /// The caller asked to stop.
     #[error("unwrapping was cancelled")]
     Cancelled,
-}
-
-impl UnwrapError {
-    pub(super) fn texel_too_small(texel_m: f32, needed: u64) -> Self {
-        // Charts never fill a map; three quarters is what unwraps of connected surfaces reach.
-        let possible_m = texel_m * needed as f32 / MAX_SIZE as f32 / 0.75f32.sqrt();
-        Self::TexelTooSmall { texel_m, needed, possible_m }
-    }
 }

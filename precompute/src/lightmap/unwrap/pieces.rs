@@ -1,7 +1,6 @@
 //! The scene's surface as an unwrapper takes it, and its answer as TEXCOORD_1.
 
 use super::{Piece, UnwrapError, Unwrapped};
-use crate::lightmap::charts::Sets;
 use glam::{Vec2, Vec3};
 use localprt_scenes::{Mesh, Scene};
 use rayon::prelude::*;
@@ -54,31 +53,6 @@ fn piece(mesh: &Mesh, least_altitude: f64) -> Result<(Piece, Vec<u32>), UnwrapEr
 
 fn key(position: Vec3, normal: Vec3) -> [u32; 6] {
     [position.x, position.y, position.z, normal.x, normal.y, normal.z].map(|value| (value + 0.0).to_bits())
-}
-
-/// Connected parts of a piece after cutting it at edges sharper than `angle` degrees: about as many as it has charts.
-pub(super) fn patches(piece: &Piece, angle: f32) -> usize {
-    let least_cos = angle.to_radians().cos();
-    let corner = |vertex: u32| piece.positions[vertex as usize].map(|value| (value + 0.0).to_bits());
-    let normal = |face: u32| {
-        let [a, b, c] = piece.triangles[face as usize].map(|vertex| Vec3::from(piece.positions[vertex as usize]));
-        (b - a).cross(c - a).normalize_or_zero()
-    };
-    let mut edges: Vec<([[u32; 3]; 2], u32)> = Vec::with_capacity(piece.triangles.len() * 3);
-    for (face, triangle) in (0u32..).zip(&piece.triangles) {
-        for side in 0..3 {
-            let (a, b) = (corner(triangle[side]), corner(triangle[(side + 1) % 3]));
-            edges.push(([a.min(b), a.max(b)], face));
-        }
-    }
-    edges.sort_unstable();
-    let mut sets = Sets::new(piece.triangles.len());
-    for pair in edges.windows(2) {
-        if pair[0].0 == pair[1].0 && normal(pair[0].1).dot(normal(pair[1].1)) >= least_cos {
-            sets.join(pair[0].1, pair[1].1);
-        }
-    }
-    (0..piece.triangles.len() as u32).filter(|&face| sets.lowest(face) == face).count()
 }
 
 /// Writes the layout into TEXCOORD_1, copying vertices that charts share. Faces without area are pinned to one point of

@@ -1,14 +1,12 @@
-//! The default backend; the only file that names uvunwrap.
+//! The default backend, and the packer of all layouts; the only file that names uvunwrap.
 
-use super::pieces::patches;
-use super::{PADDING, Packing, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
+use super::{PADDING, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
 use glam::Vec2;
-use rayon::prelude::*;
 use uvunwrap::{Density, Error, MeshInput, Options, Stage};
 
-/// Above this many smooth patches, charts are packed by their outlines' rows and columns, which is tens of times faster
-/// than nesting shapes into each other's holes, but leaves more of the map empty. 10,000 charts nest in 15 s or so.
-const MANY_PATCHES: usize = 15_000;
+/// Above this many charts they are packed by their outlines' rows and columns, which is tens of times faster than nesting
+/// shapes into each other's holes, but leaves more of the map empty. 10,000 charts nest in 15 s or so.
+const MANY_CHARTS: usize = 15_000;
 /// Faces that meet at less than this angle, degrees, may share a chart (uvunwrap's default).
 const CHART_ANGLE: f32 = 70.0;
 /// Charts are cut until no face's texels are this many times larger or smaller in area than the mean.
@@ -23,53 +21,118 @@ impl Unwrapper for UvUnwrap {
         "uvunwrap"
     }
 
-    fn unwrap(&self, pieces: &[Piece], packing: Packing, progress: Progress) -> Result<Unwrapped, UnwrapError> {
+    fn unwrap(&self, pieces: &[Piece], texels_per_m: f32, progress: Progress) -> Result<Unwrapped, UnwrapError> {
         let indices: Vec<Vec<u32>> = pieces.iter().map(|piece| piece.triangles.concat()).collect();
         let meshes: Vec<MeshInput> =
             pieces.iter().zip(&indices).map(|(piece, indices)| MeshInput::new(&piece.positions, indices)).collect();
-        let many = pieces.par_iter().map(|piece| patches(piece, CHART_ANGLE)).sum::<usize>() > MANY_PATCHES;
-        let mut options = Options {
-            padding: PADDING,
+        let options = Options {
             max_chart_angle: CHART_ANGLE,
             max_area_distortion: AREA_DISTORTION,
-            packing: if many { uvunwrap::Packing::Fast } else { uvunwrap::Packing::Shape },
+            density: Density::Fixed { texels_per_unit: texels_per_m, page_size: None },
+            // Where charts go is settled later.
+            packing: uvunwrap::Packing::Fast,
             ..Options::default()
         };
-        options.density = match packing {
-            Packing::Fit(texels) => Density::Auto { page_size: texels },
-            Packing::Density(texels_per_unit) => Density::Fixed { texels_per_unit, page_size: None },
-        };
-        let told = |state: uvunwrap::Progress| {
-            let doing = match state.stage {
-                Stage::Packing => "packing charts",
-                Stage::Output => "writing coordinates",
-                _ => "cutting charts",
-            };
-            progress(doing, state.done, state.total.unwrap_or(0))
-        };
-        let atlas = uvunwrap::generate_with_progress(&meshes, &options, told).map_err(|error| match error {
-            Error::Cancelled => UnwrapError::Cancelled,
-            error => UnwrapError::Backend { backend: self.name(), reason: error.to_string() },
-        })?;
-        if atlas.page_count > 1 {
-            return Err(UnwrapError::TooManyCharts {
-                charts: atlas.chart_count,
-                texels: atlas.width.max(atlas.height),
-            });
-        }
-        let texels = Vec2::new(atlas.width as f32, atlas.height as f32);
-        let corners = atlas
-            .meshes
-            .iter()
-            .map(|mesh| {
-                let corner = |index: &u32| {
-                    let vertex = &mesh.vertices[*index as usize];
-                    vertex.chart.map(|_| Vec2::from(vertex.uv) * texels)
-                };
-                let triangles = mesh.indices.chunks_exact(3);
-                triangles.map(|t| Some([corner(&t[0])?, corner(&t[1])?, corner(&t[2])?])).collect()
-            })
-            .collect();
-        Ok(Unwrapped { corners, extent: [atlas.width, atlas.height] })
+        let atlas = generate(&meshes, &options, progress)?;
+        Ok(Unwrapped { corners: corners(&atlas) })
     }
+}
+
+/// A flattened chart to be packed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FlatChart {
+    /// `[n_triangles]` corners in the plane, metres.
+    pub corners: Vec<[Vec2; 3]>,
+    /// Texels per metre.
+    pub density: f32,
+}
+
+/// Where packed charts went.
+pub(super) struct Packed {
+    /// `[n_charts][n_triangles]` corners in texels.
+    pub corners: Vec<Vec<Option<[Vec2; 3]>>>,
+    /// Texels that the charts take, `[width, height]`.
+    pub extent: [u32; 2],
+}
+
+/// Packs charts into one map, at least two texels apart and one texel from its border: at their densities into a map that
+/// grows, or, with `page`, all of them as much finer or coarser as fills a map of that many texels per side. `tight` nests
+/// their shapes.
+///
+/// # Errors
+/// [`UnwrapError::TooManyCharts`] where they do not fit the page at any density.
+pub(super) fn pack(
+    charts: &[FlatChart],
+    page: Option<u32>,
+    tight: bool,
+    progress: Progress,
+) -> Result<Packed, UnwrapError> {
+    // Vertices apart are joined by their place, in space as in the plane.
+    type Flat = (Vec<[f32; 3]>, Vec<[f32; 2]>, Vec<u32>);
+    let flat: Vec<Flat> = charts
+        .iter()
+        .map(|chart| {
+            let places = chart.corners.iter().flatten();
+            let indices = (0..3 * chart.corners.len() as u32).collect();
+            (places.clone().map(|uv| [uv.x, uv.y, 0.0]).collect(), places.map(|uv| uv.to_array()).collect(), indices)
+        })
+        .collect();
+    let meshes: Vec<MeshInput> = charts
+        .iter()
+        .zip(&flat)
+        .map(|(chart, (positions, uvs, indices))| MeshInput {
+            scale: chart.density,
+            existing_uvs: Some(uvs),
+            ..MeshInput::new(positions, indices)
+        })
+        .collect();
+    let options = Options {
+        padding: PADDING,
+        max_area_distortion: f32::MAX,
+        density: match page {
+            Some(page_size) => Density::Auto { page_size },
+            None => Density::Fixed { texels_per_unit: 1.0, page_size: None },
+        },
+        packing: if tight && charts.len() < MANY_CHARTS { uvunwrap::Packing::Shape } else { uvunwrap::Packing::Fast },
+        ..Options::default()
+    };
+    let atlas = generate(&meshes, &options, progress)?;
+    if atlas.page_count > 1 {
+        return Err(UnwrapError::TooManyCharts {
+            charts: atlas.chart_count,
+            texels: page.unwrap_or(atlas.width.max(atlas.height)),
+        });
+    }
+    Ok(Packed { corners: corners(&atlas), extent: [atlas.width, atlas.height] })
+}
+
+fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Result<uvunwrap::Atlas, UnwrapError> {
+    let told = |state: uvunwrap::Progress| {
+        let doing = match state.stage {
+            Stage::Packing => "packing charts",
+            Stage::Output => "writing coordinates",
+            _ => "cutting charts",
+        };
+        progress(doing, state.done, state.total.unwrap_or(0))
+    };
+    uvunwrap::generate_with_progress(meshes, options, told).map_err(|error| match error {
+        Error::Cancelled => UnwrapError::Cancelled,
+        error => UnwrapError::Backend { backend: "uvunwrap", reason: error.to_string() },
+    })
+}
+
+/// Corner coordinates of each mesh's triangles in texels; `None` for triangles left out.
+fn corners(atlas: &uvunwrap::Atlas) -> Vec<Vec<Option<[Vec2; 3]>>> {
+    let texels = Vec2::new(atlas.width as f32, atlas.height as f32);
+    atlas
+        .meshes
+        .iter()
+        .map(|mesh| {
+            let corner = |index: &u32| {
+                let vertex = &mesh.vertices[*index as usize];
+                vertex.chart.map(|_| Vec2::from(vertex.uv) * texels)
+            };
+            mesh.indices.chunks_exact(3).map(|t| Some([corner(&t[0])?, corner(&t[1])?, corner(&t[2])?])).collect()
+        })
+        .collect()
 }

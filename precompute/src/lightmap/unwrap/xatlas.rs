@@ -5,16 +5,16 @@
 //! little-endian words:
 //!
 //! ```text
-//! request   magic, 0 (fit) or 1 (density), texels per side or texels per metre (f32), number of pieces,
+//! request   magic, texels per metre (f32), number of pieces,
 //!           then for each piece: vertices, triangles, positions (3 f32 each), indices (3 u32 each)
-//! answer    magic, charts, width, height, then for each triangle three corners (2 f32 each, NaN: left out)
+//! answer    magic, width, height, then for each triangle three corners (2 f32 each, NaN: left out)
 //! ```
 
 #[cfg(feature = "xatlas")]
 mod child;
 mod words;
 
-use super::{MAX_SIZE, Packing, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
+use super::{MAX_SIZE, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
 use glam::Vec2;
 use std::io::{Read, Write};
 use std::path::PathBuf;
@@ -70,18 +70,12 @@ impl Unwrapper for XatlasChild {
         "xatlas"
     }
 
-    fn unwrap(&self, pieces: &[Piece], packing: Packing, progress: Progress) -> Result<Unwrapped, UnwrapError> {
-        let request = request(pieces, packing);
+    fn unwrap(&self, pieces: &[Piece], texels_per_m: f32, progress: Progress) -> Result<Unwrapped, UnwrapError> {
+        let request = request(pieces, texels_per_m);
         let n_triangles: usize = pieces.iter().map(|piece| piece.triangles.len()).sum();
         let answer = self.exchange(&request, 4 * (4 + 6 * n_triangles), progress)?;
-        let (charts, unwrapped) = parse_answer(&answer, pieces)
-            .ok_or_else(|| UnwrapError::Child { reason: "its answer makes no sense".into() })?;
-        match packing {
-            Packing::Fit(texels) if unwrapped.extent.iter().any(|&side| side > texels) => {
-                Err(UnwrapError::TooManyCharts { charts, texels })
-            }
-            _ => Ok(unwrapped),
-        }
+        parse_answer(&answer, pieces)
+            .ok_or_else(|| UnwrapError::Child { reason: "its answer makes no sense".into() })
     }
 }
 
@@ -142,13 +136,9 @@ impl XatlasChild {
     }
 }
 
-fn request(pieces: &[Piece], packing: Packing) -> Vec<u8> {
+fn request(pieces: &[Piece], texels_per_m: f32) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let (kind, value) = match packing {
-        Packing::Fit(texels) => (0, texels),
-        Packing::Density(texels_per_m) => (1, texels_per_m.to_bits()),
-    };
-    push(&mut bytes, &[REQUEST, kind, value, pieces.len() as u32]);
+    push(&mut bytes, &[REQUEST, texels_per_m.to_bits(), pieces.len() as u32]);
     for piece in pieces {
         push(&mut bytes, &[piece.positions.len() as u32, piece.triangles.len() as u32]);
         for position in &piece.positions {
@@ -163,16 +153,12 @@ fn request(pieces: &[Piece], packing: Packing) -> Vec<u8> {
 
 /// The request as the child reads it; `None` if it is damaged.
 #[cfg_attr(not(feature = "xatlas"), cfg_attr(not(test), expect(dead_code, reason = "read by the child alone")))]
-fn parse_request(bytes: &[u8]) -> Option<(Vec<Piece>, Packing)> {
+fn parse_request(bytes: &[u8]) -> Option<(Vec<Piece>, f32)> {
     let mut words = Words::new(bytes);
     if words.next()? != REQUEST {
         return None;
     }
-    let packing = match (words.next()?, words.next()?) {
-        (0, texels) => Packing::Fit(texels),
-        (1, bits) => Packing::Density(f32::from_bits(bits)),
-        _ => return None,
-    };
+    let texels_per_m = f32::from_bits(words.next()?);
     let n_pieces = words.next()? as usize;
     let mut pieces = Vec::new();
     for _ in 0..n_pieces {
@@ -180,16 +166,16 @@ fn parse_request(bytes: &[u8]) -> Option<(Vec<Piece>, Packing)> {
         let positions = words.triples(n_positions)?.into_iter().map(|triple| triple.map(f32::from_bits)).collect();
         pieces.push(Piece { positions, triangles: words.triples(n_triangles)? });
     }
-    words.is_at_end().then_some((pieces, packing))
+    words.is_at_end().then_some((pieces, texels_per_m))
 }
 
-/// Charts and layout; `None` if the answer is damaged.
-fn parse_answer(bytes: &[u8], pieces: &[Piece]) -> Option<(u32, Unwrapped)> {
+/// The charts; `None` if the answer is damaged.
+fn parse_answer(bytes: &[u8], pieces: &[Piece]) -> Option<Unwrapped> {
     let mut words = Words::new(bytes);
     if words.next()? != ANSWER {
         return None;
     }
-    let (charts, extent) = (words.next()?, [words.next()?, words.next()?]);
+    let extent = [words.next()?, words.next()?];
     let limit = Vec2::new(extent[0] as f32, extent[1] as f32);
     let mut corners = Vec::with_capacity(pieces.len());
     for piece in pieces {
@@ -209,7 +195,7 @@ fn parse_answer(bytes: &[u8], pieces: &[Piece]) -> Option<(u32, Unwrapped)> {
     }
     // Far above any map that is accepted later, but small enough to multiply.
     let plausible = extent.iter().all(|&side| side <= 4096 * MAX_SIZE);
-    (words.is_at_end() && plausible).then_some((charts, Unwrapped { corners, extent }))
+    (words.is_at_end() && plausible).then_some(Unwrapped { corners })
 }
 
 #[cfg(test)]
@@ -223,9 +209,9 @@ mod tests {
 
     #[test]
     fn a_request_reads_back_and_every_prefix_of_it_is_refused() {
-        let bytes = request(&pieces(), Packing::Density(16.0));
-        let (read, packing) = parse_request(&bytes).unwrap();
-        assert_eq!((read[0].positions.clone(), packing), (pieces()[0].positions.clone(), Packing::Density(16.0)));
+        let bytes = request(&pieces(), 16.0);
+        let (read, texels_per_m) = parse_request(&bytes).unwrap();
+        assert_eq!((read[0].positions.clone(), texels_per_m), (pieces()[0].positions.clone(), 16.0));
         assert_eq!((read[0].triangles.clone(), read.len()), (pieces()[0].triangles.clone(), 2));
         for length in 0..bytes.len() {
             assert!(parse_request(&bytes[..length]).is_none());
@@ -236,11 +222,11 @@ mod tests {
     #[test]
     fn an_answer_with_coordinates_off_its_map_is_refused() {
         let mut bytes = Vec::new();
-        push(&mut bytes, &[ANSWER, 1, 4, 4]);
+        push(&mut bytes, &[ANSWER, 4, 4]);
         for value in [0.0f32, 0.0, 4.0, 0.0, 4.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.0, 4.0] {
             push(&mut bytes, &[value.to_bits()]);
         }
-        assert_eq!(parse_answer(&bytes, &pieces()).unwrap().1.corners[0].len(), 2);
+        assert_eq!(parse_answer(&bytes, &pieces()).unwrap().corners[0].len(), 2);
         let last = bytes.len() - 4;
         bytes[last..].copy_from_slice(&4.1f32.to_le_bytes());
         assert!(parse_answer(&bytes, &pieces()).is_none());
@@ -251,7 +237,7 @@ mod tests {
         let quiet = |_: &str, _: usize, _: usize| true;
         let unwrap = |program: &str, limit| {
             let child = XatlasChild { program: program.into(), time_limit: limit };
-            child.unwrap(&pieces(), Packing::Fit(64), &quiet)
+            child.unwrap(&pieces(), 64.0, &quiet)
         };
         let limit = Duration::from_secs(20);
         assert!(matches!(unwrap("/no/such/program", limit), Err(UnwrapError::Child { .. })));

@@ -1,15 +1,10 @@
 //! What the child does; the only file that names xatlas.
 
 use super::{ANSWER, parse_request, push};
-use crate::lightmap::unwrap::{PADDING, Packing, Piece};
+use crate::lightmap::unwrap::{PADDING, Piece};
 use std::io::{Read, Write};
 use std::process::ExitCode;
 use xatlas_rs::{ChartOptions, IndexData, MeshData, MeshDecl, PackOptions, Xatlas};
-
-/// Packs while looking for the finest texels that fit.
-const MOST_PACKS: usize = 8;
-/// Good enough a fill of the map's side.
-const TIGHT: f32 = 0.98;
 
 /// Request in, answer out; 3 for a request that cannot be unwrapped.
 pub(super) fn run() -> ExitCode {
@@ -17,7 +12,7 @@ pub(super) fn run() -> ExitCode {
     if std::io::stdin().lock().read_to_end(&mut bytes).is_err() {
         return ExitCode::from(6);
     }
-    let Some(answer) = parse_request(&bytes).and_then(|(pieces, packing)| unwrap(&pieces, packing)) else {
+    let Some(answer) = parse_request(&bytes).and_then(|(pieces, texels_per_m)| unwrap(&pieces, texels_per_m)) else {
         return ExitCode::from(3);
     };
     match std::io::stdout().lock().write_all(&answer) {
@@ -26,7 +21,7 @@ pub(super) fn run() -> ExitCode {
     }
 }
 
-fn unwrap(pieces: &[Piece], packing: Packing) -> Option<Vec<u8>> {
+fn unwrap(pieces: &[Piece], texels_per_m: f32) -> Option<Vec<u8>> {
     let flat: Vec<(Vec<f32>, Vec<u32>)> =
         pieces.iter().map(|piece| (piece.positions.concat(), piece.triangles.concat())).collect();
     let declarations: Vec<MeshDecl> = flat
@@ -41,7 +36,7 @@ fn unwrap(pieces: &[Piece], packing: Packing) -> Option<Vec<u8>> {
         .collect();
     let mut answer = Vec::new();
     if declarations.is_empty() {
-        push(&mut answer, &[ANSWER, 0, 0, 0]);
+        push(&mut answer, &[ANSWER, 0, 0]);
         return Some(answer);
     }
     let mut xatlas = Xatlas::new();
@@ -50,11 +45,10 @@ fn unwrap(pieces: &[Piece], packing: Packing) -> Option<Vec<u8>> {
     }
     xatlas.add_mesh_join();
     xatlas.compute_charts(&ChartOptions { fix_winding: true, ..ChartOptions::default() });
-    match packing {
-        Packing::Density(texels_per_m) => pack(&mut xatlas, texels_per_m),
-        Packing::Fit(texels) => fit(&mut xatlas, pieces, texels as f32),
-    }
-    push(&mut answer, &[ANSWER, xatlas.chart_count(), xatlas.width(), xatlas.height()]);
+    // xatlas keeps `padding` texels between charts; its charts also keep the texels of a bilinear tap.
+    let padding = 2 * PADDING;
+    xatlas.pack_charts(&PackOptions { padding, texels_per_unit: texels_per_m, bilinear: true, ..PackOptions::default() });
+    push(&mut answer, &[ANSWER, xatlas.width(), xatlas.height()]);
     let meshes = xatlas.meshes();
     let mut unwrapped = meshes.iter();
     for piece in pieces.iter().filter(|piece| !piece.triangles.is_empty()) {
@@ -74,44 +68,4 @@ fn unwrap(pieces: &[Piece], packing: Packing) -> Option<Vec<u8>> {
         }
     }
     Some(answer)
-}
-
-fn pack(xatlas: &mut Xatlas, texels_per_unit: f32) {
-    // xatlas keeps `padding` texels between charts; its charts also keep the texels of a bilinear tap.
-    let padding = 2 * PADDING;
-    xatlas.pack_charts(&PackOptions { padding, texels_per_unit, bilinear: true, ..PackOptions::default() });
-}
-
-/// The finest texels found whose charts fit; where none do, what was packed last.
-fn fit(xatlas: &mut Xatlas, pieces: &[Piece], texels: f32) {
-    let area: f32 = pieces.iter().map(area).sum();
-    let (mut too_fine, mut fits, mut held) = (f32::INFINITY, 0.0f32, f32::NAN);
-    let mut density = texels * (0.7 / area.max(f32::MIN_POSITIVE)).sqrt();
-    for _ in 0..MOST_PACKS {
-        pack(xatlas, density);
-        held = density;
-        let side = xatlas.width().max(xatlas.height()).max(1) as f32;
-        if side <= texels {
-            fits = density;
-            if side >= TIGHT * texels {
-                break;
-            }
-        } else {
-            too_fine = density;
-        }
-        let next = density * texels / side;
-        // The side grows in steps, so stay between what fits and what does not.
-        density = if next > fits && next < too_fine { next * 0.998 } else { 0.5 * (fits + too_fine.min(2.0 * fits)) };
-        if fits > 0.0 && density - fits < 0.005 * fits {
-            break;
-        }
-    }
-    if fits > 0.0 && held != fits {
-        pack(xatlas, fits);
-    }
-}
-
-fn area(piece: &Piece) -> f32 {
-    let corner = |vertex: u32| glam::Vec3::from(piece.positions.get(vertex as usize).copied().unwrap_or_default());
-    piece.triangles.iter().map(|&[a, b, c]| (corner(b) - corner(a)).cross(corner(c) - corner(a)).length() * 0.5).sum()
 }

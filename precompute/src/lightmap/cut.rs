@@ -1,0 +1,257 @@
+//! Large faces are cut where they need very different densities, so that charts can have them.
+//!
+//! Triangles are bisected along their longest edges (Rivara 1984), and whoever shares a cut edge is cut at the same point, over all
+//! meshes: the surface that is drawn has no T-junctions where it had none.
+
+use super::unwrap::subdivision;
+use crate::scale::LocalScale;
+use glam::Vec3;
+use localprt_scenes::{Mesh, Scene};
+use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+
+/// Coarsest over finest scale that one triangle may have.
+const MOST_UNEVEN: f32 = 8.0;
+/// Steps across a triangle at which the scale is read.
+const STEPS: u32 = 8;
+/// Triangles shorter than this many of the finest scale stay whole.
+const SHORTEST: f32 = 4.0;
+/// Bisections of a triangle, at most.
+const MOST_PASSES: usize = 48;
+
+/// An edge by the places of its ends, lower first.
+type EdgeKey = [[u32; 3]; 2];
+
+/// Cuts the scene's triangles; the number of triangles added.
+pub fn by_scale(scene: &mut Scene, scale: &LocalScale) -> usize {
+    let before = scene.face_count();
+    if scale.is_uniform() {
+        return 0;
+    }
+    // Triangles that are settled; new ones come behind them.
+    let mut settled = vec![0usize; scene.meshes.len()];
+    for _ in 0..MOST_PASSES {
+        let marked: Vec<EdgeKey> = scene
+            .meshes
+            .par_iter()
+            .zip(&settled)
+            .flat_map_iter(|(mesh, &settled)| {
+                let unsettled = &mesh.triangles[settled..];
+                unsettled.iter().filter(|triangle| is_uneven(mesh, triangle, scale)).map(|triangle| longest(mesh, triangle).1)
+            })
+            .collect();
+        if marked.is_empty() {
+            break;
+        }
+        let marked = closed(scene, marked.into_iter().collect());
+        scene.meshes.par_iter_mut().zip(&mut settled).for_each(|(mesh, settled)| *settled = bisect(mesh, &marked));
+    }
+    scene.face_count() - before
+}
+
+fn place(mesh: &Mesh, vertex: u32) -> [u32; 3] {
+    mesh.positions[vertex as usize].to_array().map(|value| (value + 0.0).to_bits())
+}
+
+fn edge(mesh: &Mesh, a: u32, b: u32) -> EdgeKey {
+    let (a, b) = (place(mesh, a), place(mesh, b));
+    if a <= b { [a, b] } else { [b, a] }
+}
+
+/// Corner from which the longest edge starts, and that edge; of equals the one with the lowest key, so that all who share it agree.
+fn longest(mesh: &Mesh, triangle: &[u32; 3]) -> (usize, EdgeKey) {
+    let of = |corner: usize| {
+        let (a, b) = (triangle[corner], triangle[(corner + 1) % 3]);
+        let length = mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]);
+        (length, edge(mesh, a, b), corner)
+    };
+    let (_, key, corner) = [of(1), of(2)].into_iter().fold(of(0), |best, other| {
+        if other.0 > best.0 || other.0 == best.0 && other.1 < best.1 { other } else { best }
+    });
+    (corner, key)
+}
+
+/// Whether a triangle needs very different densities.
+fn is_uneven(mesh: &Mesh, triangle: &[u32; 3], scale: &LocalScale) -> bool {
+    let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+    let longest_m = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    if longest_m.is_nan() || longest_m < SHORTEST * scale.finest_m() {
+        return false;
+    }
+    let finest_m = scale.finest_m();
+    // The scale changes no faster than with distance, up to a focus.
+    let spread = |middle: f32, reach: f32| (middle + reach) / (middle - reach).max(finest_m);
+    if spread(scale.of_texels((a + b + c) / 3.0), longest_m) < MOST_UNEVEN {
+        return false;
+    }
+    let at: Vec<f32> = subdivision(STEPS).map(|[u, v, w]| scale.of_texels(a * u + b * v + c * w)).collect();
+    let (low, high) = at.iter().fold((f32::INFINITY, 0.0f32), |(low, high), &at| (low.min(at), high.max(at)));
+    // Between the places looked at it may be finer.
+    high / (low - longest_m / STEPS as f32).max(finest_m) > MOST_UNEVEN
+}
+
+/// Edges to cut so that every cut triangle is cut along its longest edge too.
+fn closed(scene: &Scene, mut marked: HashSet<EdgeKey>) -> HashSet<EdgeKey> {
+    loop {
+        let more: Vec<EdgeKey> = scene
+            .meshes
+            .par_iter()
+            .flat_map_iter(|mesh| {
+                let marked = &marked;
+                mesh.triangles.iter().filter_map(move |triangle| {
+                    let is_cut = (0..3).any(|corner| {
+                        marked.contains(&edge(mesh, triangle[corner], triangle[(corner + 1) % 3]))
+                    });
+                    let key = if is_cut { longest(mesh, triangle).1 } else { return None };
+                    (!marked.contains(&key)).then_some(key)
+                })
+            })
+            .collect();
+        if more.is_empty() {
+            return marked;
+        }
+        marked.extend(more);
+    }
+}
+
+/// Cuts a mesh at the middles of the marked edges. Triangles that are not cut come first, the others' parts behind them; how many
+/// are not cut is returned. (A triangle that is too uneven is always cut, so they are settled.)
+fn bisect(mesh: &mut Mesh, marked: &HashSet<EdgeKey>) -> usize {
+    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+    let triangles = std::mem::take(&mut mesh.triangles);
+    let mut whole = Vec::with_capacity(triangles.len());
+    let mut parts = Vec::new();
+    for triangle in triangles {
+        let (start, key) = longest(mesh, &triangle);
+        if !marked.contains(&key) {
+            whole.push(triangle);
+            continue;
+        }
+        let mut waiting = vec![turned(triangle, start)];
+        while let Some([a, b, c]) = waiting.pop() {
+            let cut = [[a, b, c], [b, c, a], [c, a, b]]
+                .into_iter()
+                .find(|&[from, to, _]| is_marked(mesh, marked, &middles, from, to));
+            let Some([from, to, opposite]) = cut else {
+                parts.push([a, b, c]);
+                continue;
+            };
+            let middle = middle(mesh, &mut middles, from, to);
+            // The first part is worked on first.
+            waiting.push([middle, to, opposite]);
+            waiting.push([from, middle, opposite]);
+        }
+    }
+    let settled = whole.len();
+    mesh.triangles = whole;
+    mesh.triangles.extend(parts);
+    settled
+}
+
+fn turned(triangle: [u32; 3], start: usize) -> [u32; 3] {
+    [0, 1, 2].map(|corner| triangle[(corner + start) % 3])
+}
+
+fn is_marked(mesh: &Mesh, marked: &HashSet<EdgeKey>, middles: &HashMap<[u32; 2], u32>, from: u32, to: u32) -> bool {
+    middles.contains_key(&[from.min(to), from.max(to)]) || marked.contains(&edge(mesh, from, to))
+}
+
+/// The vertex in the middle of an edge.
+fn middle(mesh: &mut Mesh, middles: &mut HashMap<[u32; 2], u32>, from: u32, to: u32) -> u32 {
+    let ends = [from.min(to), from.max(to)];
+    if let Some(&middle) = middles.get(&ends) {
+        return middle;
+    }
+    let middle = mesh.positions.len() as u32;
+    let [a, b] = ends.map(|end| end as usize);
+    // Sums do not depend on the order of two: meshes that share the edge get the same place.
+    mesh.positions.push(0.5 * (mesh.positions[a] + mesh.positions[b]));
+    if !mesh.normals.is_empty() {
+        mesh.normals.push((mesh.normals[a] + mesh.normals[b]).normalize_or(mesh.normals[a]));
+    }
+    if !mesh.tangents.is_empty() {
+        let (first, second) = (mesh.tangents[a], mesh.tangents[b]);
+        let along: Vec3 = (first.truncate() + second.truncate()).normalize_or(first.truncate());
+        mesh.tangents.push(along.extend(first.w));
+    }
+    for set in mesh.uv_sets.iter_mut().filter(|set| !set.is_empty()) {
+        set.push(0.5 * (set[a] + set[b]));
+    }
+    if !mesh.colors.is_empty() {
+        mesh.colors.push(0.5 * (mesh.colors[a] + mesh.colors[b]));
+    }
+    middles.insert(ends, middle);
+    middle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::{cuboid, merged, plane, scene};
+    use super::*;
+    use crate::scale::Sample;
+    use glam::Vec2;
+    use std::collections::BTreeMap;
+
+    fn scale_around(place: Vec3) -> LocalScale {
+        LocalScale::of(vec![Sample { position: place, normal: Vec3::Y, scale_m: 0.5, area_m2: 1.0, face: 0, seen: 1.0 }], 500.0, Vec::new())
+    }
+
+    #[test]
+    fn a_plain_is_cut_around_what_stands_on_it_and_stays_closed() {
+        // Two meshes that share an edge, and a masked uv set that must stay linear.
+        let mut left = plane("left", Vec3::new(-100.0, 0.0, -100.0), Vec3::X * 100.0, Vec3::Z * 200.0, 1, 1);
+        left.uv_sets = vec![left.positions.iter().map(|p| Vec2::new(p.x, p.z)).collect()];
+        let right = plane("right", Vec3::new(0.0, 0.0, -100.0), Vec3::X * 100.0, Vec3::Z * 200.0, 1, 1);
+        let mut cut = scene(vec![left, right]);
+        let scale = scale_around(Vec3::new(-3.0, 0.0, 10.0));
+        let added = by_scale(&mut cut, &scale);
+        assert!((50..3000).contains(&added), "{added}");
+        let area: f32 = cut
+            .faces()
+            .map(|(mesh, triangle)| {
+                let [a, b, c] = cut.corners(mesh, triangle);
+                let normal = (b - a).cross(c - a);
+                assert!(normal.normalize().y > 0.999);
+                normal.length() * 0.5
+            })
+            .sum();
+        assert!((area / 40_000.0 - 1.0).abs() < 1e-4, "{area}");
+        for (position, uv) in cut.meshes[0].positions.iter().zip(&cut.meshes[0].uv_sets[0]) {
+            assert_eq!([position.x, position.z], uv.to_array());
+        }
+        // Every edge belongs to two triangles, but for the border of the plain: no T-junctions, across meshes too.
+        let mut edges: BTreeMap<EdgeKey, (u32, bool)> = BTreeMap::new();
+        for mesh in &cut.meshes {
+            for triangle in &mesh.triangles {
+                for corner in 0..3 {
+                    let (a, b) = (triangle[corner], triangle[(corner + 1) % 3]);
+                    let ends = [a, b].map(|vertex| mesh.positions[vertex as usize]);
+                    let on_border = |axis: usize| ends.iter().all(|end| end[axis].abs() == 100.0 && end[axis] == ends[0][axis]);
+                    let entry = edges.entry(edge(mesh, a, b)).or_insert((0, on_border(0) || on_border(2)));
+                    entry.0 += 1;
+                }
+            }
+        }
+        assert!(edges.values().all(|&(count, on_border)| count == if on_border { 1 } else { 2 }));
+        // Near the place triangles are small.
+        let near = cut.faces().map(|(mesh, triangle)| cut.corners(mesh, triangle)).filter(|corners| {
+            corners.iter().any(|corner| corner.distance(Vec3::new(-3.0, 0.0, 10.0)) < 3.0)
+        });
+        let mut found = 0;
+        for [a, b, c] in near {
+            found += 1;
+            assert!(a.distance(b).max(b.distance(c)).max(c.distance(a)) < 10.0);
+        }
+        assert!(found > 0);
+    }
+
+    #[test]
+    fn what_is_even_stays_as_it_is() {
+        let boxes = merged("boxes", &[cuboid("a", Vec3::ZERO, Vec3::ONE), cuboid("b", Vec3::X * 3.0, Vec3::X * 3.0 + 1.0)]);
+        let mut even = scene(vec![boxes]);
+        let before = even.meshes[0].triangles.clone();
+        assert_eq!(by_scale(&mut even, &scale_around(Vec3::ZERO)), 0);
+        assert_eq!(even.meshes[0].triangles, before);
+        assert_eq!(by_scale(&mut even, &LocalScale::uniform()), 0);
+    }
+}

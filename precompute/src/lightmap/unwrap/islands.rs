@@ -1,0 +1,271 @@
+//! Charts as they are flattened, before anybody has said how fine they are or where they go.
+
+use super::{Piece, Unwrapped};
+use crate::{lightmap::charts::Sets, scale::{LEAST_SEEN, LocalScale}};
+use glam::{DVec2, Vec2, Vec3};
+use localprt_scenes::Scene;
+use rayon::prelude::*;
+
+/// A chart is cut by scale where that of its coarse tenth is more than this many times that of its fine tenth...
+const MOST_UNEVEN: f32 = 8.0;
+/// ...into faces whose scales are within this factor.
+const STEP: f32 = 3.0;
+/// Steps across a face at which the scale is read, at most.
+const MOST_STEPS: u32 = 8;
+
+/// Faces that are flattened together.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Island {
+    /// Mesh, and so piece.
+    pub mesh: usize,
+    /// Triangles of the piece, rising.
+    pub faces: Vec<u32>,
+    /// `[faces]` corners in the plane, metres: as large there as on the surface.
+    pub corners: Vec<[Vec2; 3]>,
+    /// Area, square metres.
+    pub area_m2: f64,
+    /// What a texel's edge is in proportion to (S1).
+    pub texel: f32,
+    /// Middle of the largest face, metres.
+    pub middle: Vec3,
+    /// Its unit normal.
+    pub normal: Vec3,
+    /// The largest face, by place in `faces`.
+    pub largest: usize,
+}
+
+/// How fine charts are wanted.
+#[derive(Clone, Copy)]
+pub struct Wanted<'a> {
+    /// R.
+    pub scale: &'a LocalScale,
+    /// `[n_faces]` how often each face was seen.
+    pub hits: &'a [u32],
+}
+
+/// Charts of all pieces; `kept` gives the triangle of its mesh of each triangle of a piece.
+pub(super) fn islands(
+    scene: &Scene,
+    pieces: &[Piece],
+    kept: &[Vec<u32>],
+    unwrapped: &Unwrapped,
+    wanted: Wanted<'_>,
+) -> Vec<Island> {
+    let mut first = vec![0; pieces.len()];
+    for mesh in 1..pieces.len() {
+        first[mesh] = first[mesh - 1] + scene.meshes[mesh - 1].triangles.len();
+    }
+    (0..pieces.len())
+        .into_par_iter()
+        .flat_map_iter(|mesh| {
+            let hits = wanted.hits.get(first[mesh]..).unwrap_or_default();
+            let wanted = Wanted { hits, ..wanted };
+            of_piece(scene, mesh, &pieces[mesh], &kept[mesh], &unwrapped.corners[mesh], wanted)
+        })
+        .collect()
+}
+
+fn of_piece(
+    scene: &Scene,
+    mesh: usize,
+    piece: &Piece,
+    kept: &[u32],
+    corners: &[Option<[Vec2; 3]>],
+    wanted: Wanted<'_>,
+) -> Vec<Island> {
+    let edges = edges(piece, corners);
+    let held = |face: usize| corners[face].is_some();
+    let charts = joined(piece.triangles.len(), &edges, |_, _| true);
+    let whole = groups(&charts, held);
+    let facts = Facts { scene, mesh, kept, corners, wanted };
+    if wanted.scale.is_uniform() {
+        return whole.into_iter().map(|faces| facts.island(&[], faces)).collect();
+    }
+    let scales: Vec<f32> =
+        kept.iter().map(|&triangle| face_scale(scene, mesh, triangle as usize, wanted.scale)).collect();
+    // Class of each face; 0 for charts that stay whole.
+    let mut class = vec![0i32; piece.triangles.len()];
+    for faces in &whole {
+        if facts.is_uneven(&scales, faces) {
+            for &face in faces {
+                class[face as usize] = (scales[face as usize].ln() / STEP.ln()).round() as i32;
+            }
+        }
+    }
+    let cut = joined(piece.triangles.len(), &edges, |a, b| class[a as usize] == class[b as usize]);
+    groups(&cut, held).into_iter().map(|faces| facts.island(&scales, faces)).collect()
+}
+
+/// Pairs of faces that share an edge in space and in the plane.
+fn edges(piece: &Piece, corners: &[Option<[Vec2; 3]>]) -> Vec<(u32, u32)> {
+    type Key = [u32; 5];
+    let mut edges: Vec<([Key; 2], u32)> = Vec::with_capacity(3 * piece.triangles.len());
+    for (face, (triangle, uv)) in piece.triangles.iter().zip(corners).enumerate() {
+        let Some(uv) = uv else { continue };
+        let keys: [Key; 3] = std::array::from_fn(|corner| {
+            let [x, y, z] = piece.positions[triangle[corner] as usize];
+            [x, y, z, uv[corner].x, uv[corner].y].map(|value| (value + 0.0).to_bits())
+        });
+        for corner in 0..3 {
+            let (a, b) = (keys[corner], keys[(corner + 1) % 3]);
+            edges.push((if a <= b { [a, b] } else { [b, a] }, face as u32));
+        }
+    }
+    edges.sort_unstable();
+    edges.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| (pair[0].1, pair[1].1)).collect()
+}
+
+/// Lowest face of each face's set.
+fn joined(n_faces: usize, edges: &[(u32, u32)], together: impl Fn(u32, u32) -> bool) -> Vec<u32> {
+    let mut sets = Sets::new(n_faces);
+    for &(a, b) in edges {
+        if together(a, b) {
+            sets.join(a, b);
+        }
+    }
+    (0..n_faces as u32).map(|face| sets.lowest(face)).collect()
+}
+
+/// Faces by set, in the order of their lowest faces.
+fn groups(set: &[u32], held: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
+    let mut place = vec![u32::MAX; set.len()];
+    let mut groups: Vec<Vec<u32>> = Vec::new();
+    for (face, &lowest) in set.iter().enumerate().filter(|(face, _)| held(*face)) {
+        let place = &mut place[lowest as usize];
+        if *place == u32::MAX {
+            *place = groups.len() as u32;
+            groups.push(Vec::new());
+        }
+        groups[*place as usize].push(face as u32);
+    }
+    groups
+}
+
+fn area(scene: &Scene, mesh: usize, triangle: usize) -> f64 {
+    let [a, b, c] = scene.corners(mesh, triangle).map(Vec3::as_dvec3);
+    (b - a).cross(c - a).length() * 0.5
+}
+
+/// Harmonic mean of the scale over a face, metres.
+fn face_scale(scene: &Scene, mesh: usize, triangle: usize, scale: &LocalScale) -> f32 {
+    let corners = scene.corners(mesh, triangle);
+    let [a, b, c] = corners;
+    let longest_m = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let middle = scale.of_texels((a + b + c) / 3.0);
+    // The scale grows no faster than distance: a small face has one.
+    let steps = (2.0 * longest_m / middle).ceil().clamp(1.0, MOST_STEPS as f32) as u32;
+    if steps == 1 {
+        return middle;
+    }
+    let inverse: Vec<f32> =
+        subdivision(steps).map(|[u, v, w]| 1.0 / scale.of_texels(a * u + b * v + c * w)).collect();
+    inverse.len() as f32 / inverse.iter().sum::<f32>()
+}
+
+/// Middles of the `steps²` equal triangles that a triangle falls into, as corner weights.
+pub(in crate::lightmap) fn subdivision(steps: u32) -> impl Iterator<Item = [f32; 3]> {
+    let at = move |u: f32, v: f32| [u / steps as f32, v / steps as f32, 1.0 - (u + v) / steps as f32];
+    (0..steps).flat_map(move |row| {
+        (0..steps - row).flat_map(move |column| {
+            let (u, v) = (row as f32, column as f32);
+            let upright = at(u + 1.0 / 3.0, v + 1.0 / 3.0);
+            let turned = (column + row + 1 < steps).then(|| at(u + 2.0 / 3.0, v + 2.0 / 3.0));
+            [Some(upright), turned].into_iter().flatten()
+        })
+    })
+}
+
+/// What charts of a piece are made from.
+struct Facts<'a> {
+    scene: &'a Scene,
+    mesh: usize,
+    kept: &'a [u32],
+    corners: &'a [Option<[Vec2; 3]>],
+    wanted: Wanted<'a>,
+}
+
+impl Facts<'_> {
+    fn triangle(&self, face: u32) -> usize {
+        self.kept[face as usize] as usize
+    }
+
+    fn area(&self, face: u32) -> f64 {
+        area(self.scene, self.mesh, self.triangle(face))
+    }
+
+    /// Whether a chart needs very different densities.
+    fn is_uneven(&self, scales: &[f32], faces: &[u32]) -> bool {
+        let mut sorted: Vec<(f32, f64)> =
+            faces.iter().map(|&face| (scales[face as usize], self.area(face))).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Area counts in texels, or a far plain would always outweigh what stands on it.
+        let texels = |&(scale, area): &(f32, f64)| area / f64::from(scale).powi(2);
+        let total: f64 = sorted.iter().map(texels).sum();
+        let at = |share: f64| {
+            let mut sum = 0.0;
+            let found = sorted.iter().find(|face| {
+                sum += texels(face);
+                sum >= share * total
+            });
+            found.or(sorted.last()).map_or(1.0, |face| face.0)
+        };
+        at(0.9) > MOST_UNEVEN * at(0.1)
+    }
+
+    /// The chart of some faces; `scales` are those of all faces of the piece, empty where they are even.
+    fn island(&self, scales: &[f32], faces: Vec<u32>) -> Island {
+        let areas: Vec<f64> = faces.iter().map(|&face| self.area(face)).collect();
+        let area_m2: f64 = areas.iter().sum();
+        let flat: Vec<[Vec2; 3]> = faces.iter().map(|&face| self.corners[face as usize].unwrap_or_default()).collect();
+        let on_plane: f64 = flat
+            .iter()
+            .map(|uv| {
+                let [a, b, c] = uv.map(Vec2::as_dvec2);
+                (b - a).perp_dot(c - a).abs() * 0.5
+            })
+            .sum();
+        let zoom = if on_plane > 0.0 { (area_m2 / on_plane).sqrt() } else { 1.0 };
+        // From its own corner, so that coordinates are small.
+        let low = flat.iter().flatten().fold(Vec2::INFINITY, |low, &uv| low.min(uv)).as_dvec2();
+        let corners = flat.iter().map(|uv| uv.map(|uv| ((uv.as_dvec2() - low) * DVec2::splat(zoom)).as_vec2())).collect();
+        let texel = if scales.is_empty() {
+            1.0
+        } else {
+            let inverse = |(&face, area): (&u32, &f64)| area / f64::from(scales[face as usize]);
+            let scale_m = area_m2 / faces.iter().zip(&areas).map(inverse).sum::<f64>().max(f64::MIN_POSITIVE);
+            let hits: u32 = faces.iter().map(|&face| self.wanted.hits[self.triangle(face)]).sum();
+            let seen = (f64::from(hits) + LEAST_SEEN) / area_m2.max(f64::MIN_POSITIVE);
+            self.wanted.scale.texel(scale_m as f32, seen as f32)
+        };
+        let largest = (0..areas.len()).rev().max_by(|&a, &b| areas[a].total_cmp(&areas[b])).unwrap_or_default();
+        let triangle = self.triangle(faces[largest]);
+        Island {
+            mesh: self.mesh,
+            corners,
+            area_m2,
+            texel,
+            middle: self.scene.corners(self.mesh, triangle).iter().sum::<Vec3>() / 3.0,
+            normal: self.scene.geometric_normal(self.mesh, triangle),
+            largest,
+            faces,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_triangle_falls_into_equal_triangles_that_cover_it() {
+        for steps in 1..6 {
+            let middles: Vec<[f32; 3]> = subdivision(steps).collect();
+            assert_eq!(middles.len() as u32, steps * steps);
+            for corner in 0..3 {
+                let mean = middles.iter().map(|weights| weights[corner]).sum::<f32>() / middles.len() as f32;
+                assert!((mean - 1.0 / 3.0).abs() < 1e-6);
+            }
+            assert!(middles.iter().flatten().all(|&weight| weight > 0.0));
+        }
+    }
+}

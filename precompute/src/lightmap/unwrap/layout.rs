@@ -1,0 +1,304 @@
+//! How fine charts are and where they go: as many texels as were asked for, dealt by the local scale.
+//!
+//! The edge of a chart's texels goes with the local scale; the factor is found by packing and counting. Charts of less
+//! than a few texels share one with small neighbors that face the same way and that they see: a leaf, a chain
+//! link and a bolt would otherwise fill the map with their borders.
+
+use super::{
+    LayoutSize, MAX_SIZE, MIN_SIZE, Piece, Progress, UnwrapError, Unwrapped,
+    islands::{self, Island, Wanted},
+    pieces,
+    uv_unwrap::{FlatChart, Packed, pack},
+};
+use crate::{
+    lightmap::raster::Footprint,
+    rays::RayCaster,
+    scale::RANGE,
+};
+use glam::{IVec3, Vec2};
+use localprt_scenes::Scene;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Charts of fewer texels than this are joined.
+const LEAST_TEXELS: f64 = 2.0;
+/// Edge of the cells within which they are, in texels.
+const JOINED_TEXELS: f32 = 3.0;
+/// The triangle in the plane, in texels, that stands for charts that are joined: within a texel.
+const JOINED: [Vec2; 3] = [Vec2::new(0.05, 0.05), Vec2::new(0.95, 0.05), Vec2::new(0.05, 0.95)];
+/// How far off the surface charts that are joined must see each other, in cells.
+const JOINED_ABOVE: f32 = 0.25;
+/// Share of all texels that may be finer than wanted.
+const FINEST_SHARE: f64 = 0.02;
+/// The number of texels is met this closely, or until nothing changes.
+const CLOSE_ENOUGH: f64 = 0.01;
+/// Packs while the number of texels is looked for.
+const MOST_PACKS: usize = 7;
+/// Coarser joining, where charts are too many for a map.
+const COARSER: f64 = 4.0;
+
+/// Charts of a scene, ready to be packed at any density.
+pub struct Charts {
+    pieces: Vec<Piece>,
+    /// Triangle of its mesh of each triangle of a piece.
+    kept: Vec<Vec<u32>>,
+    islands: Vec<Island>,
+}
+
+/// A layout of the charts, in texels.
+struct Plan {
+    /// `[pieces][triangles]`.
+    corners: Vec<Vec<Option<[Vec2; 3]>>>,
+    /// Map size, texels per side.
+    size: u32,
+}
+
+/// What charts become at one density.
+struct Dealt {
+    charts: Vec<FlatChart>,
+    /// What each chart stands for.
+    of: Vec<Holder>,
+}
+
+enum Holder {
+    /// An island as it is.
+    Island(usize),
+    /// Islands that share the texel of the first.
+    Joined(Vec<usize>),
+}
+
+impl Charts {
+    /// Charts of the pieces as they are flattened.
+    pub(super) fn new(scene: &Scene, pieces: Vec<Piece>, kept: Vec<Vec<u32>>, flat: &Unwrapped, wanted: Wanted<'_>) -> Self {
+        let mut islands = islands::islands(scene, &pieces, &kept, flat, wanted);
+        limit_range(&mut islands);
+        Self { pieces, kept, islands }
+    }
+
+    /// Number of charts before small ones are joined.
+    pub fn len(&self) -> usize {
+        self.islands.len()
+    }
+
+    /// True without charts.
+    pub fn is_empty(&self) -> bool {
+        self.islands.is_empty()
+    }
+
+    /// The scene with lightmap coordinates, and the size of its map. `caster` tells which small charts see each other; its
+    /// scene has the meshes of `scene`.
+    ///
+    /// # Errors
+    /// [`UnwrapError::TooManyCharts`] where not even joined charts fit the map, or [`UnwrapError::Cancelled`].
+    pub fn lay_out(
+        &self,
+        scene: Scene,
+        caster: &RayCaster<'_>,
+        size: LayoutSize,
+        progress: Progress,
+    ) -> Result<(Scene, u32), UnwrapError> {
+        if self.islands.is_empty() {
+            let texels = size.lightmap.unwrap_or(MIN_SIZE);
+            let empty = self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect();
+            return Ok((pieces::apply(scene, &Unwrapped { corners: empty }, &self.kept, texels), texels));
+        }
+        let mut least_texels = LEAST_TEXELS;
+        let plan = loop {
+            match self.plan(caster, size, least_texels, progress) {
+                Err(UnwrapError::TooManyCharts { .. }) if least_texels < f64::from(MAX_SIZE) => least_texels *= COARSER,
+                plan => break plan?,
+            }
+        };
+        let unwrapped = Unwrapped { corners: plan.corners };
+        Ok((pieces::apply(scene, &unwrapped, &self.kept, plan.size), plan.size))
+    }
+
+    fn plan(
+        &self,
+        caster: &RayCaster<'_>,
+        size: LayoutSize,
+        least_texels: f64,
+        progress: Progress,
+    ) -> Result<Plan, UnwrapError> {
+        let wanted = f64::from(size.texels);
+        // Texels where there is one per metre where they are finest.
+        let demand: f64 = self.islands.iter().map(|island| island.area_m2 / f64::from(island.texel).powi(2)).sum();
+        let most = f64::from(size.lightmap.unwrap_or(MAX_SIZE)).powi(2);
+        let mut density = (wanted.min(most) / demand.max(f64::MIN_POSITIVE)).sqrt();
+        let mut tried: Vec<(f64, f64)> = Vec::new();
+        for _ in 0..MOST_PACKS {
+            let dealt = self.deal(caster, density, size.finest_m, least_texels);
+            let packed = pack(&dealt.charts, None, false, progress)?;
+            let covered = count(&packed) as f64;
+            let side = f64::from(packed.extent[0].max(packed.extent[1]));
+            tried.push((density, covered));
+            let fits = side * side <= most;
+            if (covered / wanted - 1.0).abs() < CLOSE_ENOUGH && fits {
+                break;
+            }
+            // The map is full, or the texels are as many as wanted.
+            let target = if fits { wanted } else { wanted.min(covered * most / (side * side)) };
+            let next = next_density(&tried, target);
+            if (next / density - 1.0).abs() < 1e-3 {
+                break;
+            }
+            density = next;
+        }
+        let closest = |pair: &&(f64, f64)| (pair.1 / wanted).ln().abs();
+        if let Some(best) = tried.iter().min_by(|a, b| closest(a).total_cmp(&closest(b))) {
+            density = best.0;
+        }
+        let dealt = self.deal(caster, density, size.finest_m, least_texels);
+        let cap = size.lightmap.unwrap_or(MAX_SIZE);
+        let mut packed = pack(&dealt.charts, None, true, progress)?;
+        if packed.extent[0].max(packed.extent[1]) > cap {
+            packed = pack(&dealt.charts, Some(cap), true, progress)?;
+        }
+        let needed = packed.extent[0].max(packed.extent[1]).max(MIN_SIZE).div_ceil(4) * 4;
+        Ok(Plan {
+            corners: self.spread(&dealt, &packed),
+            size: size.lightmap.unwrap_or(needed.min(cap)),
+        })
+    }
+
+    /// The charts at a density: texels per metre where they are finest.
+    fn deal(&self, caster: &RayCaster<'_>, density: f64, finest_m: Option<f32>, least_texels: f64) -> Dealt {
+        let texel_m = |island: &Island| {
+            let wanted_m = island.texel / density as f32;
+            finest_m.map_or(wanted_m, |finest_m| wanted_m.clamp(finest_m, RANGE * finest_m))
+        };
+        let mut dealt = Dealt { charts: Vec::new(), of: Vec::new() };
+        let mut small: BTreeMap<(i32, [i32; 3], usize), Vec<usize>> = BTreeMap::new();
+        for (index, island) in self.islands.iter().enumerate() {
+            let texel_m = texel_m(island);
+            if island.area_m2 >= least_texels * f64::from(texel_m).powi(2) {
+                dealt.charts.push(FlatChart { corners: island.corners.clone(), density: 1.0 / texel_m });
+                dealt.of.push(Holder::Island(index));
+                continue;
+            }
+            // Cells come in sizes of powers of two, so that neighbors agree.
+            let octave = (JOINED_TEXELS * (least_texels / LEAST_TEXELS).sqrt() as f32 * texel_m).log2().ceil() as i32;
+            let cell: IVec3 = (island.middle / 2.0f32.powi(octave)).floor().as_ivec3();
+            let axis = island.normal.abs().max_position();
+            let facing = 2 * axis + usize::from(island.normal[axis] > 0.0);
+            small.entry((octave, cell.to_array(), facing)).or_default().push(index);
+        }
+        let cells: Vec<((i32, [i32; 3], usize), Vec<usize>)> = small.into_iter().collect();
+        let joined: Vec<Vec<Vec<usize>>> = cells
+            .par_iter()
+            .map(|((octave, ..), members)| self.join(caster, JOINED_ABOVE * 2.0f32.powi(*octave), members))
+            .collect();
+        for members in joined.into_iter().flatten() {
+            dealt.charts.push(FlatChart { corners: vec![JOINED], density: 1.0 });
+            dealt.of.push(Holder::Joined(members));
+        }
+        dealt
+    }
+
+    /// Small islands of a cell in groups that see their first, largest, member from a little above.
+    fn join(&self, caster: &RayCaster<'_>, above_m: f32, members: &[usize]) -> Vec<Vec<usize>> {
+        let mut order = members.to_vec();
+        order.sort_by(|&a, &b| self.islands[b].area_m2.total_cmp(&self.islands[a].area_m2).then(a.cmp(&b)));
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for index in order {
+            let own = groups.iter().position(|group| self.see_each_other(caster, above_m, group[0], index));
+            match own {
+                Some(group) => groups[group].push(index),
+                None => groups.push(vec![index]),
+            }
+        }
+        groups
+    }
+
+    fn see_each_other(&self, caster: &RayCaster<'_>, above_m: f32, a: usize, b: usize) -> bool {
+        let feet = [a, b].map(|index| {
+            let island = &self.islands[index];
+            island.middle + island.normal * caster.offset_m()
+        });
+        let heads = [a, b].map(|index| self.islands[index].middle + self.islands[index].normal * above_m);
+        caster.visible(heads[0], heads[1])
+            && caster.visible(feet[0], heads[0])
+            && caster.visible(feet[1], heads[1])
+    }
+
+    /// Corners of all faces from those of the charts. Joined islands lie in one corner of what stands for them, but for the
+    /// largest face of the first, which lies there whole.
+    fn spread(&self, dealt: &Dealt, packed: &Packed) -> Vec<Vec<Option<[Vec2; 3]>>> {
+        let mut corners: Vec<Vec<Option<[Vec2; 3]>>> =
+            self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect();
+        for (holder, chart) in dealt.of.iter().zip(&packed.corners) {
+            match holder {
+                Holder::Island(index) => {
+                    let island = &self.islands[*index];
+                    for (&face, &uv) in island.faces.iter().zip(chart) {
+                        corners[island.mesh][face as usize] = uv;
+                    }
+                }
+                Holder::Joined(members) => {
+                    let Some(uv) = chart.first().copied().flatten() else { continue };
+                    for &index in members {
+                        let island = &self.islands[index];
+                        for &face in &island.faces {
+                            corners[island.mesh][face as usize] = Some([uv[0]; 3]);
+                        }
+                    }
+                    let first = &self.islands[members[0]];
+                    corners[first.mesh][first.faces[first.largest] as usize] = Some(uv);
+                }
+            }
+        }
+        corners
+    }
+}
+
+/// Brings texels within [`RANGE`] of the finest: that of the fiftieth of all texels that are finest.
+fn limit_range(islands: &mut [Island]) {
+    let mut sorted: Vec<(f32, f64)> =
+        islands.iter().map(|island| (island.texel, island.area_m2 / f64::from(island.texel).powi(2))).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = sorted.iter().map(|texels| texels.1).sum();
+    let mut sum = 0.0;
+    let finest = sorted.iter().find(|texels| {
+        sum += texels.1;
+        sum >= FINEST_SHARE * total
+    });
+    let Some(&(finest, _)) = finest else { return };
+    for island in islands {
+        island.texel = (island.texel / finest).clamp(1.0, RANGE);
+    }
+}
+
+/// The next density to try for a number of texels: along the line, in logarithms, through the two tries around it.
+fn next_density(tried: &[(f64, f64)], target: f64) -> f64 {
+    let below = tried.iter().filter(|pair| pair.1 <= target).max_by(|a, b| a.0.total_cmp(&b.0));
+    let above = tried.iter().filter(|pair| pair.1 > target).min_by(|a, b| a.0.total_cmp(&b.0));
+    match (below, above) {
+        (Some(low), Some(high)) if high.1 > low.1 && high.0 > low.0 => {
+            let along = ((target / low.1).ln() / (high.1 / low.1).ln()).clamp(0.05, 0.95);
+            (low.0.ln() + along * (high.0 / low.0).ln()).exp()
+        }
+        (Some(only), _) | (_, Some(only)) => only.0 * (target / only.1).sqrt().clamp(0.25, 4.0),
+        (None, None) => 1.0,
+    }
+}
+
+/// Texels that charts touch.
+fn count(packed: &Packed) -> u64 {
+    let size = packed.extent[0].max(packed.extent[1]).max(1);
+    packed
+        .corners
+        .par_iter()
+        .map(|chart| {
+            let mut touched: Vec<u32> = Vec::new();
+            for uv in chart.iter().flatten() {
+                let Some(footprint) = Footprint::new(uv.map(|uv| uv / size as f32), size) else { continue };
+                for y in footprint.rows(size) {
+                    touched.extend(footprint.columns(y, size).map(|x| y * size + x));
+                }
+            }
+            touched.sort_unstable();
+            touched.dedup();
+            touched.len() as u64
+        })
+        .sum()
+}
