@@ -75,16 +75,16 @@ fn longest(mesh: &Mesh, triangle: &[u32; 3]) -> (usize, EdgeKey) {
 fn is_uneven(mesh: &Mesh, triangle: &[u32; 3], scale: &LocalScale) -> bool {
     let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
     let longest_m = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    if longest_m.is_nan() || longest_m < SHORTEST * scale.finest_m() {
+    if longest_m.is_nan() || longest_m < SHORTEST * scale.finest_of_probes_m() {
         return false;
     }
-    let finest_m = scale.finest_m();
+    let finest_m = scale.finest_of_probes_m();
     // The scale changes no faster than with distance, up to a focus.
     let spread = |middle: f32, reach: f32| (middle + reach) / (middle - reach).max(finest_m);
-    if spread(scale.of_texels((a + b + c) / 3.0), longest_m) < MOST_UNEVEN {
+    if spread(scale.of_charts((a + b + c) / 3.0), longest_m) < MOST_UNEVEN {
         return false;
     }
-    let at: Vec<f32> = subdivision(STEPS).map(|[u, v, w]| scale.of_texels(a * u + b * v + c * w)).collect();
+    let at: Vec<f32> = subdivision(STEPS).map(|[u, v, w]| scale.of_charts(a * u + b * v + c * w)).collect();
     let (low, high) = at.iter().fold((f32::INFINITY, 0.0f32), |(low, high), &at| (low.min(at), high.max(at)));
     // Between the places looked at it may be finer.
     high / (low - longest_m / STEPS as f32).max(finest_m) > MOST_UNEVEN

@@ -40,6 +40,10 @@ const POWERS: [f32; 2] = [4.0 / 6.0, -1.0 / 6.0];
 /// The finest scale that texels, and that probes follow: where this share of all detail, the sum of area over R, is finer. Below are
 /// crevices that hardly anybody sees into.
 const FINEST_SHARE: [f64; 2] = [0.1, 0.5];
+/// Probes are spread evenly where the scale is less than this many times the finest that they follow: across a room, more of them
+/// in its corners take more from its middle than they give. (The Cornell box, 150 probes, nrmse by area: 0.042, 0.036 and 0.033 at
+/// 1, 2 and 4; evenly 0.036.)
+const EVEN: f32 = 4.0;
 /// Hits that every face has beside those that it got.
 pub const LEAST_SEEN: f64 = 0.1;
 /// Texels are this many times finer within a focus, and probes as much closer.
@@ -159,6 +163,14 @@ impl LocalScale {
         self.at(position).max(self.finest_m) / self.focus(position).powf(1.0 / POWERS[0])
     }
 
+    /// R at a place, metres, but not below the finest scale of probes; lower within a focus. Where this differs much, charts are cut.
+    pub fn of_charts(&self, position: Vec3) -> f32 {
+        if self.is_uniform() {
+            return 1.0;
+        }
+        self.at(position).max(self.finest_of_probes_m) / self.focus(position).powf(1.0 / POWERS[0])
+    }
+
     /// What the edge of a texel is in proportion to (S1), where the scale is `scale_m` and people see `seen` of each area.
     pub fn texel(&self, scale_m: f32, seen: f32) -> f32 {
         if self.is_uniform() { 1.0 } else { scale_m.powf(POWERS[0]) * seen.powf(POWERS[1]) }
@@ -167,7 +179,7 @@ impl LocalScale {
     /// What the distance between probes near a sample is in proportion to (S1), less within a focus. Of `samples` by index.
     pub fn spacing(&self, index: usize) -> f32 {
         let sample = &self.samples[index];
-        let scale_m = self.at(sample.position).max(self.finest_of_probes_m);
+        let scale_m = self.at(sample.position).max(EVEN * self.finest_of_probes_m);
         scale_m.powf(POWERS[0]) * sample.seen.powf(POWERS[1]) / self.focus(sample.position)
     }
 
@@ -183,6 +195,11 @@ impl LocalScale {
     /// Finest scale for texels, metres.
     pub fn finest_m(&self) -> f32 {
         self.finest_m
+    }
+
+    /// Finest scale for probes, metres.
+    pub fn finest_of_probes_m(&self) -> f32 {
+        self.finest_of_probes_m
     }
 }
 

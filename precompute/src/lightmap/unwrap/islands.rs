@@ -196,7 +196,7 @@ impl Facts<'_> {
     /// Whether a chart needs very different densities.
     fn is_uneven(&self, scales: &[f32], faces: &[u32]) -> bool {
         let mut sorted: Vec<(f32, f64)> =
-            faces.iter().map(|&face| (scales[face as usize], self.area(face))).collect();
+            faces.iter().map(|&face| (scales[face as usize].max(self.wanted.scale.finest_of_probes_m()), self.area(face))).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Area counts in texels, or a far plain would always outweigh what stands on it.
         let texels = |&(scale, area): &(f32, f64)| area / f64::from(scale).powi(2);
