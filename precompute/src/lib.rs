@@ -16,6 +16,7 @@
 //! ```
 
 pub mod arguments;
+pub mod budget;
 pub mod clusters;
 pub mod compress;
 mod emitters;

@@ -1,6 +1,7 @@
 //! The bake: the only file that knows the order of the stages. Reads like section 4.1 of the paper.
 
 use crate::{
+    budget::{self, Spent},
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
     lightmap::{
@@ -12,8 +13,8 @@ use crate::{
     rays::{RayCaster, TreeError},
     relight_rays::{self, RelightRays},
     report::{
-        AtlasFacts, BakeReport, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts, Unseen,
-        VolumeFacts, hex, peak_rss_bytes,
+        AtlasFacts, BakeReport, BudgetFacts, Bytes, Compression, Overlap, PlacementFacts, RelightFacts, SceneFacts,
+        Unseen, VolumeFacts, hex, peak_rss_bytes,
     },
     scale::{self, Focus, LocalScale},
     settings::{BakeSettings, Density, Transport},
@@ -137,6 +138,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     };
     progress.check()?;
 
+    let texels_per_receiver = rays.counts.texels as f64 / receivers.len() as f64;
+
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
     let sky_basis = sh::Basis::new(settings.sky_degree);
     let gather = GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed);
@@ -195,6 +198,19 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     report.gather_rays = traced.gather;
     report.visibility_rays = traced.visibility;
     fill_results(&mut report, &receivers, &probes, &support, &clusters);
+    let mut unseen = vec![0.0; receivers.len()];
+    for cluster in &clusters {
+        cluster.members.iter().zip(&cluster.unseen).for_each(|(&member, &share)| unseen[member as usize] = share);
+    }
+    let spent = Spent { caster: &caster, atlas: &atlas, receivers: &receivers, probes: &probes, unseen: &unseen };
+    report.budget = BudgetFacts {
+        receivers_asked: settings.receivers,
+        texel: spent.texels(),
+        map_used: report.atlas.map_used,
+        texels_per_receiver,
+        views: spent.views(),
+    };
+    budget::warnings(&report.budget.views).iter().for_each(|warning| progress.warn(warning));
     let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, clusters)?;
     arrays.volume = volume;
     report.volume = arrays.view().volume.map(|volume| VolumeFacts::of(&volume));
@@ -254,8 +270,7 @@ fn lay_out(
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {
     let stage = progress.stage("unwrap", 0);
-    let mut size =
-        LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel };
+    let mut size = LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel };
     let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
     let reason = match unwrap::usable_layout(scene, size).map_err(unwrap_error)? {
         Ok(texels) => {
@@ -290,7 +305,7 @@ fn lay_out(
             let caster = RayCaster::new(&scene).map_err(tree_error)?;
             receivers::place(&scene, &atlas, &caster, texels, &watch).ok_or(Cancelled)?
         };
-        let (found, covered) = (receivers.len(), receivers.len() + receivers.invalid.len());
+        let found = receivers.len();
         let miss = (found as f64 / f64::from(settings.receivers) - 1.0).abs();
         let layout = LayoutReport {
             kept: false,
@@ -302,10 +317,11 @@ fn lay_out(
         if best.as_ref().is_none_or(|best| miss < best.0) {
             best = Some((miss, LaidOut { scene, layout, receivers }));
         }
-        // Texels inside of geometry and in the holes of masks hold none: as many more are needed.
+        // Texels inside of geometry and in the holes of masks hold none: as many more are needed. A map or a texel that is given
+        // may not allow them.
         let wanted = f64::from(size.texels) * f64::from(settings.receivers) / found.max(1) as f64;
-        let is_full = (covered as f64) < (1.0 - BUDGET_MISSED) * f64::from(size.texels);
-        if miss < BUDGET_MISSED || found == 0 || is_full {
+        let is_free = settings.lightmap.is_none() && settings.texel.is_none();
+        if miss < BUDGET_MISSED || found == 0 || !is_free {
             break;
         }
         size.texels = wanted.min(MOST_EXTRA * f64::from(settings.receivers)) as u32;
@@ -372,8 +388,7 @@ fn volume_transport(
     progress: &Progress,
 ) -> Result<(VolumeArrays, RayCounts), BakeError> {
     let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
-    let support =
-        probes::link_points(&cells.positions, lightmap.probes, &sees, settings).map_err(placement_error)?;
+    let support = probes::link_points(&cells.positions, lightmap.probes, &sees, settings).map_err(placement_error)?;
     let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
     let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory

@@ -59,6 +59,8 @@ pub struct BakeReport {
     pub visibility_rays: u64,
     /// What the relight rays of all probes met.
     pub relight: RelightFacts,
+    /// Where receivers, texels and probes went.
+    pub budget: BudgetFacts,
     /// The volume; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<VolumeFacts>,
@@ -192,6 +194,54 @@ pub struct PlacementFacts {
     pub rejected: u64,
     /// Probes added by the coverage repair.
     pub repaired: u64,
+}
+
+/// Where receivers, texels and probes went.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct BudgetFacts {
+    /// Receivers asked for.
+    pub receivers_asked: u32,
+    /// Edges of the texels of the receiver map.
+    pub texel: TexelFacts,
+    /// Share of the receiver map that faces touch.
+    pub map_used: f64,
+    /// Texels of the direct light map for each receiver.
+    pub texels_per_receiver: f64,
+    /// The scene's cameras.
+    pub views: Vec<ViewFacts>,
+}
+
+/// Edges of texels on the surface, over receivers, metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TexelFacts {
+    /// Smallest.
+    pub finest: f32,
+    /// Median.
+    pub median: f32,
+    /// Largest.
+    pub coarsest: f32,
+}
+
+/// What a camera of the scene sees.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ViewFacts {
+    /// Name of the camera.
+    pub name: String,
+    /// Median over its picture of the edge of the texels seen, metres.
+    pub texel_median: f32,
+    /// Receivers that it sees.
+    pub receivers: u64,
+    /// Probes that it sees.
+    pub probes: u64,
+    /// Share of its picture whose texels are larger than 1/30 of their distance.
+    pub coarse: f64,
+    /// Mean unseen share of the receivers that it sees.
+    pub unseen: f64,
+    /// Share of all receivers that are no farther from it than nine tenths of what it sees around it.
+    pub reach: f64,
 }
 
 /// The volume for objects that move.

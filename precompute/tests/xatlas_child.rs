@@ -2,9 +2,7 @@
 
 use glam::Vec2;
 use localprt_precompute::lightmap::unwrap::xatlas::CHILD_ARGUMENT;
-use localprt_precompute::lightmap::unwrap::{
-    Packing, Piece, UnwrapError, Unwrapped, Unwrapper, XatlasChild, xatlas_child_main,
-};
+use localprt_precompute::lightmap::unwrap::{Piece, UnwrapError, Unwrapped, Unwrapper, XatlasChild, xatlas_child_main};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -21,7 +19,7 @@ fn main() -> ExitCode {
 }
 
 const TESTS: [(&str, fn()); 4] = [
-    ("charts_fit_the_map_two_texels_apart", charts_fit_the_map_two_texels_apart),
+    ("charts_are_two_texels_apart", charts_are_two_texels_apart),
     ("texels_have_the_size_asked_for", texels_have_the_size_asked_for),
     ("surfaces_that_end_xatlas_are_an_error", surfaces_that_end_xatlas_are_an_error),
     ("a_child_that_takes_too_long_is_ended", a_child_that_takes_too_long_is_ended),
@@ -54,15 +52,11 @@ fn pieces() -> Vec<Piece> {
     vec![hills, Piece::default(), block]
 }
 
-fn charts_fit_the_map_two_texels_apart() {
+fn charts_are_two_texels_apart() {
     let pieces = pieces();
-    let unwrap = || XatlasChild::new().unwrap().unwrap(&pieces, Packing::Fit(256), &quiet).unwrap();
+    let unwrap = || XatlasChild::new().unwrap().unwrap(&pieces, 16.0, &quiet).unwrap();
     let unwrapped = unwrap();
-    assert!(unwrapped.extent.iter().all(|&side| side <= 256));
     assert!(unwrapped.corners.iter().flatten().all(Option::is_some));
-    let used: f32 =
-        unwrapped.corners.iter().flatten().flatten().map(|t| (t[1] - t[0]).perp_dot(t[2] - t[0]).abs() / 2.0).sum();
-    assert!(used > 0.5 * 256.0 * 256.0, "{used} texels are used of {:?}", unwrapped.extent);
     assert_gaps(&unwrapped);
     let again = unwrap();
     assert!(again.corners == unwrapped.corners, "two runs differ");
@@ -113,7 +107,7 @@ fn assert_gaps(unwrapped: &Unwrapped) {
 
 fn texels_have_the_size_asked_for() {
     let pieces = pieces();
-    let unwrapped = XatlasChild::new().unwrap().unwrap(&pieces, Packing::Density(8.0), &quiet).unwrap();
+    let unwrapped = XatlasChild::new().unwrap().unwrap(&pieces, 8.0, &quiet).unwrap();
     // The box's 24 m^2 at 8 texels per metre, flat: nothing but rounding.
     let used: f32 =
         unwrapped.corners[2].iter().flatten().map(|t| (t[1] - t[0]).perp_dot(t[2] - t[0]).abs() / 2.0).sum();
@@ -130,21 +124,18 @@ fn surfaces_that_end_xatlas_are_an_error() {
     for position in &mut huge[0].positions {
         *position = position.map(|value| value * 1e5);
     }
-    for (pieces, packing) in [(infinite, Packing::Fit(64)), (astray, Packing::Fit(64)), (huge, Packing::Density(16.0))]
-    {
+    for pieces in [infinite, astray, huge] {
         let child = XatlasChild { time_limit: Duration::from_secs(60), ..XatlasChild::new().unwrap() };
-        let error = child.unwrap(&pieces, packing, &quiet).unwrap_err();
+        let error = child.unwrap(&pieces, 16.0, &quiet).unwrap_err();
         assert!(matches!(error, UnwrapError::Child { .. }), "{error}");
         println!("  {error}");
     }
-    let crowded = XatlasChild::new().unwrap().unwrap(&pieces(), Packing::Fit(16), &quiet);
-    assert!(matches!(crowded, Err(UnwrapError::TooManyCharts { texels: 16, .. })));
 }
 
 fn a_child_that_takes_too_long_is_ended() {
     let child = XatlasChild { time_limit: Duration::ZERO, ..XatlasChild::new().unwrap() };
-    let error = child.unwrap(&pieces(), Packing::Fit(256), &quiet).unwrap_err();
+    let error = child.unwrap(&pieces(), 16.0, &quiet).unwrap_err();
     assert!(error.to_string().contains("ended after"), "{error}");
-    let stopped = XatlasChild::new().unwrap().unwrap(&pieces(), Packing::Fit(256), &|_, _, _| false);
+    let stopped = XatlasChild::new().unwrap().unwrap(&pieces(), 16.0, &|_, _, _| false);
     assert!(matches!(stopped, Err(UnwrapError::Cancelled)));
 }

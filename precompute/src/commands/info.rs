@@ -256,4 +256,3 @@ fn median_radius_m(probes: &[Probe]) -> f32 {
     radii.sort_unstable_by(f32::total_cmp);
     radii.get(radii.len() / 2).copied().unwrap_or_default()
 }
-

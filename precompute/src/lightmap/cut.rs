@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
 /// Coarsest over finest scale that one triangle may have.
-const MOST_UNEVEN: f32 = 8.0;
+const MOST_UNEVEN: f32 = 16.0;
 /// Steps across a triangle at which the scale is read.
 const STEPS: u32 = 8;
 /// Triangles shorter than this many of the finest scale stay whole.
@@ -37,7 +37,10 @@ pub fn by_scale(scene: &mut Scene, scale: &LocalScale) -> usize {
             .zip(&settled)
             .flat_map_iter(|(mesh, &settled)| {
                 let unsettled = &mesh.triangles[settled..];
-                unsettled.iter().filter(|triangle| is_uneven(mesh, triangle, scale)).map(|triangle| longest(mesh, triangle).1)
+                unsettled
+                    .iter()
+                    .filter(|triangle| is_uneven(mesh, triangle, scale))
+                    .map(|triangle| longest(mesh, triangle).1)
             })
             .collect();
         if marked.is_empty() {
@@ -91,26 +94,35 @@ fn is_uneven(mesh: &Mesh, triangle: &[u32; 3], scale: &LocalScale) -> bool {
 }
 
 /// Edges to cut so that every cut triangle is cut along its longest edge too.
-fn closed(scene: &Scene, mut marked: HashSet<EdgeKey>) -> HashSet<EdgeKey> {
-    loop {
-        let more: Vec<EdgeKey> = scene
-            .meshes
-            .par_iter()
-            .flat_map_iter(|mesh| {
-                let marked = &marked;
-                mesh.triangles.iter().filter_map(move |triangle| {
-                    let is_cut = (0..3).any(|corner| {
-                        marked.contains(&edge(mesh, triangle[corner], triangle[(corner + 1) % 3]))
-                    });
-                    let key = if is_cut { longest(mesh, triangle).1 } else { return None };
-                    (!marked.contains(&key)).then_some(key)
+fn closed(scene: &Scene, marked: HashSet<EdgeKey>) -> HashSet<EdgeKey> {
+    // Edges by number; of each triangle its three and which is longest.
+    let mut number: HashMap<EdgeKey, u32> = HashMap::new();
+    let mut keys: Vec<EdgeKey> = Vec::new();
+    let mut triangles: Vec<([u32; 3], u32)> = Vec::with_capacity(scene.face_count());
+    for mesh in &scene.meshes {
+        for triangle in &mesh.triangles {
+            let edges = [0, 1, 2].map(|corner| {
+                let key = edge(mesh, triangle[corner], triangle[(corner + 1) % 3]);
+                *number.entry(key).or_insert_with(|| {
+                    keys.push(key);
+                    keys.len() as u32 - 1
                 })
-            })
-            .collect();
-        if more.is_empty() {
-            return marked;
+            });
+            triangles.push((edges, edges[longest(mesh, triangle).0]));
         }
-        marked.extend(more);
+    }
+    let mut is_marked: Vec<bool> = keys.iter().map(|key| marked.contains(key)).collect();
+    loop {
+        let mut is_closed = true;
+        for (edges, longest) in &triangles {
+            if edges.iter().any(|&edge| is_marked[edge as usize]) && !is_marked[*longest as usize] {
+                is_marked[*longest as usize] = true;
+                is_closed = false;
+            }
+        }
+        if is_closed {
+            return keys.into_iter().zip(is_marked).filter_map(|(key, is_marked)| is_marked.then_some(key)).collect();
+        }
     }
 }
 
@@ -193,7 +205,11 @@ mod tests {
     use std::collections::BTreeMap;
 
     fn scale_around(place: Vec3) -> LocalScale {
-        LocalScale::of(vec![Sample { position: place, normal: Vec3::Y, scale_m: 0.5, area_m2: 1.0, face: 0, seen: 1.0 }], 500.0, Vec::new())
+        LocalScale::of(
+            vec![Sample { position: place, normal: Vec3::Y, scale_m: 0.5, area_m2: 1.0, face: 0, seen: 1.0 }],
+            500.0,
+            Vec::new(),
+        )
     }
 
     #[test]
@@ -226,7 +242,8 @@ mod tests {
                 for corner in 0..3 {
                     let (a, b) = (triangle[corner], triangle[(corner + 1) % 3]);
                     let ends = [a, b].map(|vertex| mesh.positions[vertex as usize]);
-                    let on_border = |axis: usize| ends.iter().all(|end| end[axis].abs() == 100.0 && end[axis] == ends[0][axis]);
+                    let on_border =
+                        |axis: usize| ends.iter().all(|end| end[axis].abs() == 100.0 && end[axis] == ends[0][axis]);
                     let entry = edges.entry(edge(mesh, a, b)).or_insert((0, on_border(0) || on_border(2)));
                     entry.0 += 1;
                 }
@@ -234,9 +251,10 @@ mod tests {
         }
         assert!(edges.values().all(|&(count, on_border)| count == if on_border { 1 } else { 2 }));
         // Near the place triangles are small.
-        let near = cut.faces().map(|(mesh, triangle)| cut.corners(mesh, triangle)).filter(|corners| {
-            corners.iter().any(|corner| corner.distance(Vec3::new(-3.0, 0.0, 10.0)) < 3.0)
-        });
+        let near = cut
+            .faces()
+            .map(|(mesh, triangle)| cut.corners(mesh, triangle))
+            .filter(|corners| corners.iter().any(|corner| corner.distance(Vec3::new(-3.0, 0.0, 10.0)) < 3.0));
         let mut found = 0;
         for [a, b, c] in near {
             found += 1;
@@ -247,7 +265,8 @@ mod tests {
 
     #[test]
     fn what_is_even_stays_as_it_is() {
-        let boxes = merged("boxes", &[cuboid("a", Vec3::ZERO, Vec3::ONE), cuboid("b", Vec3::X * 3.0, Vec3::X * 3.0 + 1.0)]);
+        let boxes =
+            merged("boxes", &[cuboid("a", Vec3::ZERO, Vec3::ONE), cuboid("b", Vec3::X * 3.0, Vec3::X * 3.0 + 1.0)]);
         let mut even = scene(vec![boxes]);
         let before = even.meshes[0].triangles.clone();
         assert_eq!(by_scale(&mut even, &scale_around(Vec3::ZERO)), 0);

@@ -1,9 +1,10 @@
 //! From scene to receivers: what must hold whatever the layout.
 
 use super::test_scenes::{cuboid, inward, merged, plane, room, scene, sphere, with_uv};
-use super::unwrap::{LayoutSize, UnwrapError, ensure_layout, usable_layout};
+use super::unwrap::{LayoutSize, UnwrapError, Wanted, backend, charts, check_size, usable_layout};
 use super::*;
 use crate::rays::RayCaster;
+use crate::scale::LocalScale;
 use crate::settings::UnwrapBackend;
 use localprt_scenes::{AlphaMode, Image, Mesh, Scene, Texture, TextureRef, Wrap};
 
@@ -11,8 +12,30 @@ fn quiet(_: &str, _: usize, _: usize) -> bool {
     true
 }
 
+/// As many texels as fit a map of this size.
+fn full(texels: u32) -> LayoutSize {
+    LayoutSize { texels: u32::MAX, lightmap: Some(texels), finest_m: None }
+}
+
+/// Texels of that many metres, as far as the number of texels goes.
+fn of_texel(texel_m: f32) -> LayoutSize {
+    LayoutSize { texels: 1 << 22, lightmap: None, finest_m: Some(texel_m) }
+}
+
+/// A layout at even density, whatever the scene has, and the size of its map.
+fn unwrapped(scene: Scene, size: LayoutSize, progress: Progress) -> Result<(Scene, u32), UnwrapError> {
+    check_size(size)?;
+    let backend = backend(UnwrapBackend::Uvunwrap)?;
+    let scale = LocalScale::uniform();
+    let charts = charts(&scene, Wanted { scale: &scale, hits: &[] }, backend.as_ref(), progress)?;
+    // Of a scene without triangles there is no tree to build, and nobody asks.
+    let copy = scene.clone();
+    let caster = RayCaster::new(&copy).unwrap();
+    charts.lay_out(scene, &caster, size, progress)
+}
+
 fn laid_out(scene: Scene, texels: u32) -> Scene {
-    ensure_layout(scene, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels, fill: 1.0 }, &quiet).unwrap().0
+    unwrapped(scene, full(texels), &quiet).unwrap().0
 }
 
 fn receivers(scene: &Scene, size: u32) -> ReceiverSet {
@@ -52,7 +75,7 @@ fn charts_are_two_texels_apart_and_no_two_faces_share_a_texel() {
             }
         }
         // The check for overlap accepts what the unwrap made.
-        assert_eq!(usable_layout(&after, LayoutSize::Lightmap { texels, fill: 1.0 }).unwrap(), Ok(texels));
+        assert_eq!(usable_layout(&after, full(texels)).unwrap(), Ok(texels));
         // Faces are the same ones in the same order.
         for (mesh, triangle) in before.faces() {
             assert_eq!(before.corners(mesh, triangle), after.corners(mesh, triangle));
@@ -63,19 +86,61 @@ fn charts_are_two_texels_apart_and_no_two_faces_share_a_texel() {
 }
 
 #[test]
-fn texels_are_of_one_size_on_the_surface_and_as_asked_for() {
-    let (after, report) = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Texel(0.1), &quiet).unwrap();
-    assert_eq!(report.size % 4, 0);
-    // The sphere's charts are flattened with up to twice or half the area; all else is flat.
-    assert!((report.texel_m - 0.1).abs() < 0.002, "{} m", report.texel_m);
+fn texels_are_of_one_size_on_the_surface_and_no_finer_than_asked_for() {
+    let (after, size) = unwrapped(room(), of_texel(0.1), &quiet).unwrap();
+    assert_eq!(size % 4, 0);
     let atlas = Atlas::of(&after);
     for ((mesh, triangle), uv) in after.faces().zip(&atlas.corners).filter(|((mesh, _), _)| *mesh < 3) {
         let [a, b, c] = after.corners(mesh, triangle);
         let area = (b - a).cross(c - a).length() / 2.0;
-        let texels = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0 * (report.size as f32).powi(2);
+        let texels = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0 * (size as f32).powi(2);
         // Coordinates are rounded to 2^-24 of the map: far below a thousandth of a texel.
-        assert!((area / texels).sqrt() / 0.1 - 1.0 < 2e-3);
+        assert!(((area / texels).sqrt() / 0.1 - 1.0).abs() < 2e-3);
     }
+}
+
+#[test]
+fn as_many_texels_are_touched_as_were_asked_for() {
+    for texels in [2_000, 20_000] {
+        let (after, size) = unwrapped(room(), LayoutSize { texels, ..LayoutSize::default() }, &quiet).unwrap();
+        let covered = texels::cover(&after, &Atlas::of(&after), size).texels.len();
+        assert!((covered as f32 / texels as f32 - 1.0).abs() < 0.03, "{covered} of {texels}");
+        // The map's size follows: it is not much larger than what it holds.
+        assert!(covered as f32 > 0.5 * (size as f32).powi(2), "{covered} of {size} squared");
+    }
+    // A map that cannot hold as many holds what it can.
+    let (after, _) = unwrapped(room(), LayoutSize { texels: 20_000, ..full(64) }, &quiet).unwrap();
+    let covered = texels::cover(&after, &Atlas::of(&after), 64).texels.len();
+    assert!((2_000..4_096).contains(&covered), "{covered}");
+}
+
+#[test]
+fn small_charts_share_texels_with_neighbors_that_they_see() {
+    // 400 leaves of a square centimetre in a square metre, on either side of a wall that the texels are far too coarse for.
+    let leaf = |i: u32| {
+        let at = Vec3::new((i % 20) as f32 * 0.05 + 0.01, 1.0, (i / 20) as f32 * 0.05 + 0.01);
+        plane("", at, Vec3::Z * 0.01, Vec3::X * 0.01, 1, 1)
+    };
+    let leaves = merged("leaves", &(0..400).map(leaf).collect::<Vec<_>>());
+    let wall = cuboid("wall", Vec3::new(0.5, 0.5, -1.0), Vec3::new(0.52, 1.5, 2.0));
+    let (after, size) =
+        unwrapped(scene(vec![leaves, wall]), LayoutSize { texels: 200, ..LayoutSize::default() }, &quiet).unwrap();
+    let atlas = Atlas::of(&after);
+    let of_leaves: Vec<u32> = atlas.chart[..800].to_vec();
+    let mut charts = of_leaves.clone();
+    charts.sort_unstable();
+    charts.dedup();
+    assert!((2..60).contains(&charts.len()), "{} charts of 400 leaves", charts.len());
+    // No chart reaches through the wall.
+    for chart in charts {
+        let sides = |face: usize| after.corners(0, face)[0].x < 0.5;
+        let mut members = (0..800).filter(|&face| of_leaves[face] == chart).map(sides);
+        let first = members.next();
+        assert!(members.all(|side| Some(side) == first));
+    }
+    // Every chart has a texel.
+    let map = texels::cover(&after, &atlas, size);
+    assert!(of_leaves.iter().all(|chart| map.texels.iter().any(|texel| texel.chart == *chart)));
 }
 
 #[test]
@@ -83,23 +148,13 @@ fn a_layout_of_the_scene_is_kept_where_it_can_be_used() {
     let left = with_uv(plane("left", Vec3::ZERO, Vec3::X, Vec3::Z, 4, 4), |p| Vec2::new(p.x * 0.45, p.z * 0.9));
     let right = with_uv(plane("right", Vec3::Y, Vec3::X, Vec3::Z, 4, 4), |p| Vec2::new(p.x * 0.45 + 0.5, p.z * 0.9));
     let kept = scene(vec![left.clone(), right.clone()]);
-    let (after, report) =
-        ensure_layout(kept.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet)
-            .unwrap();
-    assert!(report.kept && report.size == 64 && report.charts == 2);
-    assert_eq!(after.meshes[1].uv_sets, kept.meshes[1].uv_sets);
+    assert_eq!(usable_layout(&kept, full(64)).unwrap(), Ok(64));
     // 2 m^2 on 0.81 of the map: a texel of 1 cm takes 157.1 texels a side.
-    let (_, report) = ensure_layout(kept, UnwrapBackend::Uvunwrap, LayoutSize::Texel(0.01), &quiet).unwrap();
-    assert!(report.kept && report.size == 160);
+    assert_eq!(usable_layout(&kept, of_texel(0.01)).unwrap(), Ok(160));
+    // 0.81 of 112 squared are 10,160.
+    assert_eq!(usable_layout(&kept, LayoutSize { texels: 10_000, ..LayoutSize::default() }).unwrap(), Ok(112));
 
-    let refused = |mesh: Mesh| {
-        let broken = scene(vec![left.clone(), mesh]);
-        let (_, report) =
-            ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet)
-                .unwrap();
-        assert!(!report.kept);
-        report.reason.unwrap()
-    };
+    let refused = |mesh: Mesh| usable_layout(&scene(vec![left.clone(), mesh]), full(64)).unwrap().unwrap_err();
     // Each mesh in its own 0..1, as engines with one map per mesh lay them out.
     assert!(refused(with_uv(right.clone(), |p| Vec2::new(p.x, p.z))).contains("overlaps"));
     // Folded onto itself.
@@ -143,32 +198,30 @@ fn meshes_with_degenerate_faces_are_unwrapped_around_them() {
 #[test]
 fn sizes_that_cannot_work_are_refused_before_any_work() {
     let never = |_: &str, _: usize, _: usize| -> bool { panic!("unwrapping has begun") };
-    let ask = |size| ensure_layout(room(), UnwrapBackend::Uvunwrap, size, &never).unwrap_err();
-    // Floor 36, walls and ceiling 132, block 20, ball 8: 196 m^2 at 1 mm is 14,000 texels a side.
-    let error = ask(LayoutSize::Texel(0.001));
-    let UnwrapError::TexelTooSmall { needed, possible_m, .. } = error else { panic!("{error}") };
-    assert!((13_950..14_050).contains(&needed) && possible_m > 14.0 / 8192.0);
-    assert!(error.to_string().contains("choose a texel of"));
+    let ask = |size| unwrapped(room(), size, &never).unwrap_err();
     for texel_m in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        assert!(matches!(ask(LayoutSize::Texel(texel_m)), UnwrapError::BadTexel { .. }));
+        assert!(matches!(ask(of_texel(texel_m)), UnwrapError::BadTexel { .. }));
     }
     for texels in [0, 15, 8193] {
-        assert!(matches!(ask(LayoutSize::Lightmap { texels, fill: 1.0 }), UnwrapError::SizeOutOfRange { .. }));
+        assert!(matches!(ask(full(texels)), UnwrapError::SizeOutOfRange { .. }));
     }
     let stop = |_: &str, _: usize, _: usize| false;
-    let stopped = ensure_layout(room(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &stop);
-    assert!(matches!(stopped, Err(UnwrapError::Cancelled)));
-    // 1600 separate quads take at least 9 texels each.
+    assert!(matches!(unwrapped(room(), full(64), &stop), Err(UnwrapError::Cancelled)));
+    let mut broken = room();
+    broken.meshes[1].positions[0].x = f32::NAN;
+    assert!(matches!(unwrapped(broken, full(64), &quiet), Err(UnwrapError::NotFinite { vertex: 0, .. })));
+}
+
+#[test]
+fn charts_that_are_too_many_for_a_map_are_joined() {
+    // 1600 separate quads take at least 9 texels each: 64 squared has room for 455.
     let quads: Vec<Mesh> = (0..1600)
         .map(|i| plane("", Vec3::new((i % 40) as f32, 0.0, (i / 40) as f32), Vec3::X * 0.5, Vec3::Z * 0.5, 1, 1))
         .collect();
-    let quads = scene(vec![merged("quads", &quads)]);
-    let full = ensure_layout(quads, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet);
-    assert!(matches!(full, Err(UnwrapError::TooManyCharts { .. })));
-    let mut broken = room();
-    broken.meshes[1].positions[0].x = f32::NAN;
-    let broken = ensure_layout(broken, UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 64, fill: 1.0 }, &quiet);
-    assert!(matches!(broken, Err(UnwrapError::NotFinite { vertex: 0, .. })));
+    let after = laid_out(scene(vec![merged("quads", &quads)]), 64);
+    let charts = Atlas::of(&after).n_charts;
+    assert!((50..455).contains(&charts), "{charts}");
+    assert!(receivers(&after, 64).len() >= charts as usize);
 }
 
 #[test]
@@ -312,9 +365,10 @@ fn seams_join_the_two_sides_of_a_smooth_surface_and_no_others() {
     let ball = sphere("ball", Vec3::new(5.0, 0.0, 0.0), 1.0, 16);
     let block = cuboid("block", Vec3::ZERO, Vec3::ONE);
     let after = laid_out(scene(vec![ball, block]), 256);
-    let (_, report) =
-        ensure_layout(after.clone(), UnwrapBackend::Uvunwrap, LayoutSize::Lightmap { texels: 256, fill: 1.0 }, &quiet)
-            .unwrap();
+    let atlas = Atlas::of(&after);
+    let on_map: f32 = atlas.corners.iter().map(|uv| (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0).sum();
+    // The ball's surface and the block's.
+    let texel_m = ((4.0 * std::f32::consts::PI + 6.0) / on_map).sqrt() / 256.0;
     let set = receivers(&after, 256);
     assert!(set.seams.len() > 100, "{} seams", set.seams.len());
     assert!(set.seams.is_sorted() && set.seams.windows(2).all(|pair| pair[0] != pair[1]));
@@ -323,7 +377,7 @@ fn seams_join_the_two_sides_of_a_smooth_surface_and_no_others() {
         let (a, b) = (a as usize, b as usize);
         assert!(set.position[a].x > 2.0 && set.position[b].x > 2.0, "a block's edge is no seam");
         // Each within 1.5 texels of the seam's point; texels are up to sqrt 2 longer or shorter than the mean.
-        let reach = 3.0 * 2f32.sqrt() * report.texel_m;
+        let reach = 3.0 * 2f32.sqrt() * texel_m;
         assert!(set.position[a].distance(set.position[b]) < reach);
     }
     // A plane cut in two in the map: every receiver beside the cut has a partner straight across.

@@ -16,6 +16,8 @@ const CLEARANCE: f32 = 0.25;
 const UNSEEN_DISTANCE: f32 = 1.5;
 /// Visibility is asked for up to so many pairs of a probe and a candidate.
 const MOST_PAIRS: usize = 60_000_000;
+/// Candidates stand no higher above a surface than this many spacings.
+const MOST_UP: f32 = 2.0;
 /// Free space is looked for this far above a surface, in distances wanted.
 const LOOK_UP: f32 = 2.0;
 
@@ -30,8 +32,8 @@ pub(super) struct ScaledCandidates {
     pub rejected: usize,
 }
 
-/// Candidates off the surfaces whose scale was measured: at `standoff` times the spacing that `target` probes will have there, or in
-/// the middle of narrower space. Not those behind surfaces, too close to others, or in enclosed space. In a fixed order.
+/// Candidates off the surfaces whose scale was measured: at `standoff` times the spacing that `target` probes will have there, and in
+/// the middle of the space above if it is not much wider. Not those behind surfaces, too close to others, or in enclosed space. In a fixed order.
 pub(super) fn candidates(
     scale: &LocalScale,
     grid: &VoxelGrid,
@@ -41,10 +43,11 @@ pub(super) fn candidates(
 ) -> ScaledCandidates {
     let samples = scale.samples();
     // Over a surface there are as many probes as it has squares of their spacing.
-    let demand: f64 =
-        (0..samples.len()).map(|index| f64::from(samples[index].area_m2) / f64::from(scale.spacing(index)).powi(2)).sum();
+    let demand: f64 = (0..samples.len())
+        .map(|index| f64::from(samples[index].area_m2) / f64::from(scale.spacing(index)).powi(2))
+        .sum();
     let unit_m = (demand / target.max(1) as f64).sqrt() as f32;
-    let found: Vec<Option<(Vec3, f32)>> = samples
+    let found: Vec<Vec<(Vec3, f32)>> = samples
         .par_iter()
         .enumerate()
         .map(|(index, sample)| {
@@ -52,18 +55,29 @@ pub(super) fn candidates(
             let wanted_m = standoff * unit_m * spacing;
             let origin = sample.position + sample.normal * caster.offset_m();
             let free_m = caster.closest_hit(origin, sample.normal).map_or(f32::INFINITY, |hit| hit.t);
-            let height_m = if free_m < LOOK_UP * wanted_m { MIDDLE * free_m } else { wanted_m };
-            let position = sample.position + sample.normal * height_m;
-            let around = surroundings(caster, position);
-            let is_good = around.hits > 0
-                && !around.is_behind()
-                && around.clearance_m >= CLEARANCE * height_m
-                && grid.at(position) != Some(Voxel::Enclosed);
-            is_good.then_some((position, spacing))
+            let is_narrow = free_m < LOOK_UP * wanted_m;
+            let heights = if is_narrow { [Some(MIDDLE * free_m), None] } else { [wanted_m, MIDDLE * free_m].map(Some) };
+            let is_good = |height_m: f32| {
+                let position = sample.position + sample.normal * height_m;
+                let around = surroundings(caster, position);
+                (around.hits > 0
+                    && !around.is_behind()
+                    && around.clearance_m >= CLEARANCE * height_m.min(wanted_m)
+                    && grid.at(position) != Some(Voxel::Enclosed))
+                .then_some((position, spacing))
+            };
+            // The middle of what is not wider than a few spacings.
+            let most_m = MOST_UP * unit_m * spacing;
+            heights
+                .into_iter()
+                .flatten()
+                .filter(|&height_m| height_m <= most_m.max(wanted_m))
+                .filter_map(is_good)
+                .collect()
         })
         .collect();
-    let rejected = found.iter().filter(|found| found.is_none()).count();
-    let (positions, spacing) = found.into_iter().flatten().unzip();
+    let rejected = found.iter().filter(|found| found.is_empty()).count();
+    let (positions, spacing): (Vec<Vec3>, Vec<f32>) = found.into_iter().flatten().unzip();
     ScaledCandidates { positions, spacing, rejected }
 }
 
@@ -95,7 +109,8 @@ pub(super) fn spread(
         });
         next = (0..candidates.len()).rev().max_by(|&a, &b| apart[a].total_cmp(&apart[b])).unwrap_or_default();
     }
-    let mut rest: Vec<u32> = (0..candidates.len() as u32).filter(|index| apart[*index as usize] > f32::NEG_INFINITY).collect();
+    let mut rest: Vec<u32> =
+        (0..candidates.len() as u32).filter(|index| apart[*index as usize] > f32::NEG_INFINITY).collect();
     // As thinning leaves them: those that would be missed most come last.
     rest.sort_by(|&a, &b| apart[a as usize].total_cmp(&apart[b as usize]).then(a.cmp(&b)));
     chosen.sort_unstable();

@@ -19,6 +19,8 @@ const MOST_STEPS: u32 = 32;
 const NEIGHBORS: usize = 6;
 /// Nearest other probes that it is looked for among.
 const MOST_NEIGHBORS: usize = 48;
+/// Its reach is no more than this many times the distance to that many-th nearest other, seen or not.
+const MOST_UNSEEN: f32 = 3.0;
 
 /// Supporting probes per receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -81,7 +83,8 @@ pub fn link(
     Links::new(receivers, &probes.positions, &probes.radius_m, sees, settings)?.0.list(1.0)
 }
 
-/// How far each probe's neighborhood reaches, metres: to the sixth nearest other probe that it sees, or as far as was looked.
+/// How far each probe's neighborhood reaches, metres: to the sixth nearest other probe that it sees, at most three times as far as
+/// to the sixth nearest of all, and on geometric average over those six.
 ///
 /// Differs from the paper, which has one radius: near surfaces that need many probes they would all support each other's
 /// receivers, and far from them none.
@@ -90,25 +93,30 @@ pub(super) fn reach(probes: &[Vec3], sees: &(dyn Fn(Vec3, Vec3) -> bool + Sync))
         return vec![1.0; probes.len()];
     }
     let grid = PointGrid::new(probes, typical_spacing(probes));
-    probes
+    // Of each probe: how far its neighborhood reaches, and who is in it.
+    let found: Vec<(f32, Vec<u32>)> = probes
         .par_iter()
         .map_init(Vec::new, |distances, &probe| {
             grid.nearest(probe, MOST_NEIGHBORS + 1, distances);
             let farthest = distances.last().copied().unwrap_or_default();
             let mut around: Vec<(f32, u32)> = Vec::new();
             grid.for_each_within(probe, farthest * (1.0 + f32::EPSILON), |id, distance| around.push((distance, id)));
+            around.retain(|other| other.0 > 0.0);
             around.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            let seen = around.iter().filter(|&&(distance, id)| distance > 0.0 && sees(probe, probes[id as usize]));
-            let (mut count, mut reach) = (0, 0.0);
-            for &(distance, _) in seen.take(NEIGHBORS) {
-                (count, reach) = (count + 1, distance);
-            }
-            // Who sees few others stands in a nook of his own: as far as the third nearest at least.
-            let third = around.iter().filter(|other| other.0 > 0.0).nth(2).or(around.last()).map_or(1.0, |other| other.0);
-            let reach = if count < NEIGHBORS && count < around.len() - 1 { reach.max(third) } else { reach };
-            reach.max(f32::MIN_POSITIVE)
+            let of_all = around.get(NEIGHBORS - 1).or(around.last()).map_or(1.0, |other| other.0);
+            let seen: Vec<(f32, u32)> =
+                around.iter().filter(|other| sees(probe, probes[other.1 as usize])).take(NEIGHBORS).copied().collect();
+            let of_seen = if seen.len() == NEIGHBORS { seen[NEIGHBORS - 1].0 } else { MOST_UNSEEN * of_all };
+            let reach = of_seen.clamp(of_all, MOST_UNSEEN * of_all).max(f32::MIN_POSITIVE);
+            (reach, seen.into_iter().map(|other| other.1).collect())
         })
-        .collect()
+        .collect();
+    // Evened out over the neighborhood: one probe in a nook does not make a hole in the overlap around it.
+    let logarithms = |own: &(f32, Vec<u32>)| {
+        let sum: f32 = own.1.iter().map(|&other| found[other as usize].0.ln()).sum();
+        (sum + own.0.ln()) / (own.1.len() + 1) as f32
+    };
+    found.iter().map(|own| logarithms(own).exp()).collect()
 }
 
 /// Cell size for neighbor searches: with the probes spread evenly over their box, one per cell.
@@ -347,6 +355,8 @@ mod tests {
             .map(|index| Vec3::X * if index < 20 { index as f32 - 20.0 } else { (index - 20) as f32 * 10.0 + 0.5 })
             .collect();
         let reach = reach(&probes, &|a, b| (a.x < 0.0) == (b.x < 0.0));
-        assert_eq!((reach[10], reach[19], reach[30], reach[20]), (3.0, 6.0, 30.0, 60.0));
+        assert!((reach[10] - 3.0).abs() < 1e-5 && (reach[30] - 30.0).abs() < 1e-4);
+        // Beside the wall one looks twice as far along one's own side.
+        assert!((3.0..6.0).contains(&reach[19]) && (10.0..60.0).contains(&reach[20]), "{} {}", reach[19], reach[20]);
     }
 }

@@ -241,7 +241,7 @@ mod tests {
         for step in 0..100 {
             let (a, b) = (at(-0.9 + 0.018 * step as f32), at(-0.9 + 0.018 * (step + 1) as f32));
             assert!((scale.at(a) - scale.at(b)).abs() <= a.distance(b) * 1.0001 + 1e-6);
-            assert!(scale.of_texels(a) >= scale.finest_m );
+            assert!(scale.of_texels(a) >= scale.finest_m);
         }
         let area: f32 = scale.samples().iter().map(|sample| sample.area_m2).sum();
         let whole: f32 = scene
@@ -260,7 +260,8 @@ mod tests {
         let focus = Focus { center: Vec3::ZERO, radius_m: 0.01 };
         let scale = LocalScale::of(vec![sample], 100.0, vec![focus]);
         let texel = |x: f32| scale.texel(scale.of_texels(Vec3::X * x), 1.0);
-        assert!((texel(0.0) - 0.5).abs() < 1e-6 && (scale.spacing(0) - 0.5).abs() < 1e-6);
+        // Probes follow no scale finer than EVEN times 1 m.
+        assert!((texel(0.0) - 0.5).abs() < 1e-6 && (scale.spacing(0) - EVEN.powf(POWERS[0]) / 2.0).abs() < 1e-6);
         assert!((texel(0.015) - 1.015f32.powf(2.0 / 3.0) / 1.5).abs() < 1e-4);
         assert!((texel(1.0) - 2.0f32.powf(2.0 / 3.0)).abs() < 1e-6);
     }

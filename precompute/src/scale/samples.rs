@@ -96,7 +96,11 @@ pub fn measure(caster: &RayCaster<'_>, most: usize) -> Vec<Sample> {
                 left.extend(group.iter().map(|&piece| pieces[piece as usize]));
             }
             // Area counts where it is settled.
-            samples.extend(found.into_iter().map(|found| Sample { area_m2: if is_settled { found.area_m2 } else { 0.0 }, ..found }));
+            samples.extend(
+                found
+                    .into_iter()
+                    .map(|found| Sample { area_m2: if is_settled { found.area_m2 } else { 0.0 }, ..found }),
+            );
         }
         pieces = left;
         if pieces.is_empty() {

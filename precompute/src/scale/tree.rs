@@ -73,9 +73,9 @@ impl Node {
 fn build(nodes: &mut Vec<Node>, points: &mut [(Vec3, f32)], first: usize, end: usize) {
     let own = &mut points[first..end];
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY, f32::INFINITY);
-    let (low, high, least) = own.iter().fold(start, |(low, high, least), &(point, scale)| {
-        (low.min(point), high.max(point), least.min(scale))
-    });
+    let (low, high, least) = own
+        .iter()
+        .fold(start, |(low, high, least), &(point, scale)| (low.min(point), high.max(point), least.min(scale)));
     let index = nodes.len();
     nodes.push(Node { low, high, least, first: first as u32, count: own.len() as u32, second: 0 });
     if own.len() <= LEAF {

@@ -36,9 +36,7 @@ use crate::{
     transport::{GatherSet, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
-use localprt_formats::{
-    sh::{self, Basis, Directions, LANES},
-};
+use localprt_formats::sh::{self, Basis, Directions, LANES};
 use localprt_runtime::DEFAULT_FEEDBACK_ALBEDO_CAP;
 use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;

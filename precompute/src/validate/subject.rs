@@ -99,7 +99,7 @@ impl<'a> Subject<'a> {
             Transport::Paper => None,
             Transport::Fitted => {
                 Some(FitScene::new(caster, &atlas, &placed, &probes, &support, metadata.n_rays, &probe_basis))
-            },
+            }
         };
         let leaves = leaves(&placed.position, settings.leaf as usize);
         let mut leaf_of = vec![0; placed.len()];

@@ -4,14 +4,20 @@ use super::{
     spacing, spacing_for,
     test_scenes::{block, flipped, rectangle, room, scene, sphere},
 };
-use crate::{rays::RayCaster, settings::BakeSettings};
+use crate::{rays::RayCaster, scale::LocalScale, settings::BakeSettings};
 use glam::{DVec3, UVec3, Vec3};
 use localprt_formats::directions::counter_uniform;
 use localprt_scenes::Scene;
 
 fn build(scene: &Scene, settings: &BakeSettings) -> Result<VoxelGrid, VoxelError> {
     let caster = RayCaster::new(scene).unwrap();
-    VoxelGrid::build(scene, &caster, spacing(scene.bounds().unwrap_or_default(), settings), settings)
+    VoxelGrid::build(
+        scene,
+        &caster,
+        spacing(scene.bounds().unwrap_or_default(), settings),
+        &LocalScale::uniform(),
+        settings,
+    )
 }
 
 fn with_voxel(voxel: f32) -> BakeSettings {
@@ -207,11 +213,11 @@ fn the_size_an_error_names_is_accepted() {
 fn a_tiny_spacing_does_not_pass_the_memory_cap() {
     // 1 mm spacing over 100 m by 100 m by 1 m.
     let extent = DVec3::new(100.0, 1.0, 100.0);
-    let smallest = f64::from(super::smallest_voxel(extent, 100.0));
+    let smallest = f64::from(super::smallest_voxel(extent, 100.0, MAX_VOXELS));
     let voxels = super::axis_voxels(extent, smallest).element_product();
     assert!(voxels <= MAX_VOXELS as f64 && voxels > 0.9 * MAX_VOXELS as f64, "{voxels}");
     let bounds = (Vec3::ZERO, extent.as_vec3());
-    let size = super::voxel_size(bounds, 0.001, &BakeSettings::default()).unwrap();
+    let size = super::voxel_size(bounds, 0.001, &LocalScale::uniform(), &BakeSettings::default()).unwrap();
     assert_eq!(f64::from(size), smallest);
 }
 

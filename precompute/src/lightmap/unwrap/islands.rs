@@ -1,15 +1,18 @@
 //! Charts as they are flattened, before anybody has said how fine they are or where they go.
 
 use super::{Piece, Unwrapped};
-use crate::{lightmap::charts::Sets, scale::{LEAST_SEEN, LocalScale}};
+use crate::{
+    lightmap::charts::Sets,
+    scale::{LEAST_SEEN, LocalScale},
+};
 use glam::{DVec2, Vec2, Vec3};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 
 /// A chart is cut by scale where that of its coarse tenth is more than this many times that of its fine tenth...
-const MOST_UNEVEN: f32 = 8.0;
+const MOST_UNEVEN: f32 = 16.0;
 /// ...into faces whose scales are within this factor.
-const STEP: f32 = 3.0;
+const STEP: f32 = 4.0;
 /// Steps across a face at which the scale is read, at most.
 const MOST_STEPS: u32 = 8;
 
@@ -157,8 +160,7 @@ fn face_scale(scene: &Scene, mesh: usize, triangle: usize, scale: &LocalScale) -
     if steps == 1 {
         return middle;
     }
-    let inverse: Vec<f32> =
-        subdivision(steps).map(|[u, v, w]| 1.0 / scale.of_texels(a * u + b * v + c * w)).collect();
+    let inverse: Vec<f32> = subdivision(steps).map(|[u, v, w]| 1.0 / scale.of_texels(a * u + b * v + c * w)).collect();
     inverse.len() as f32 / inverse.iter().sum::<f32>()
 }
 
@@ -195,8 +197,10 @@ impl Facts<'_> {
 
     /// Whether a chart needs very different densities.
     fn is_uneven(&self, scales: &[f32], faces: &[u32]) -> bool {
-        let mut sorted: Vec<(f32, f64)> =
-            faces.iter().map(|&face| (scales[face as usize].max(self.wanted.scale.finest_of_probes_m()), self.area(face))).collect();
+        let mut sorted: Vec<(f32, f64)> = faces
+            .iter()
+            .map(|&face| (scales[face as usize].max(self.wanted.scale.finest_of_probes_m()), self.area(face)))
+            .collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Area counts in texels, or a far plain would always outweigh what stands on it.
         let texels = |&(scale, area): &(f32, f64)| area / f64::from(scale).powi(2);
@@ -227,7 +231,8 @@ impl Facts<'_> {
         let zoom = if on_plane > 0.0 { (area_m2 / on_plane).sqrt() } else { 1.0 };
         // From its own corner, so that coordinates are small.
         let low = flat.iter().flatten().fold(Vec2::INFINITY, |low, &uv| low.min(uv)).as_dvec2();
-        let corners = flat.iter().map(|uv| uv.map(|uv| ((uv.as_dvec2() - low) * DVec2::splat(zoom)).as_vec2())).collect();
+        let corners =
+            flat.iter().map(|uv| uv.map(|uv| ((uv.as_dvec2() - low) * DVec2::splat(zoom)).as_vec2())).collect();
         let texel = if scales.is_empty() {
             1.0
         } else {

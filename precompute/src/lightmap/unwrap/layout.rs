@@ -10,20 +10,16 @@ use super::{
     pieces,
     uv_unwrap::{FlatChart, Packed, pack},
 };
-use crate::{
-    lightmap::raster::Footprint,
-    rays::RayCaster,
-    scale::RANGE,
-};
+use crate::{lightmap::raster::Footprint, rays::RayCaster, scale::RANGE};
 use glam::{IVec3, Vec2};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Charts of fewer texels than this are joined.
-const LEAST_TEXELS: f64 = 2.0;
+const LEAST_TEXELS: f64 = 1.0;
 /// Edge of the cells within which they are, in texels.
-const JOINED_TEXELS: f32 = 3.0;
+const JOINED_TEXELS: f32 = 1.5;
 /// The triangle in the plane, in texels, that stands for charts that are joined: within a texel.
 const JOINED: [Vec2; 3] = [Vec2::new(0.05, 0.05), Vec2::new(0.95, 0.05), Vec2::new(0.05, 0.95)];
 /// How far off the surface charts that are joined must see each other, in cells.
@@ -36,6 +32,8 @@ const CLOSE_ENOUGH: f64 = 0.01;
 const MOST_PACKS: usize = 7;
 /// Coarser joining, where charts are too many for a map.
 const COARSER: f64 = 4.0;
+/// Charts of more texels than this are never joined.
+const MOST_JOINED: f64 = 1e9;
 
 /// Charts of a scene, ready to be packed at any density.
 pub struct Charts {
@@ -69,7 +67,13 @@ enum Holder {
 
 impl Charts {
     /// Charts of the pieces as they are flattened.
-    pub(super) fn new(scene: &Scene, pieces: Vec<Piece>, kept: Vec<Vec<u32>>, flat: &Unwrapped, wanted: Wanted<'_>) -> Self {
+    pub(super) fn new(
+        scene: &Scene,
+        pieces: Vec<Piece>,
+        kept: Vec<Vec<u32>>,
+        flat: &Unwrapped,
+        wanted: Wanted<'_>,
+    ) -> Self {
         let mut islands = islands::islands(scene, &pieces, &kept, flat, wanted);
         limit_range(&mut islands);
         Self { pieces, kept, islands }
@@ -105,7 +109,7 @@ impl Charts {
         let mut least_texels = LEAST_TEXELS;
         let plan = loop {
             match self.plan(caster, size, least_texels, progress) {
-                Err(UnwrapError::TooManyCharts { .. }) if least_texels < f64::from(MAX_SIZE) => least_texels *= COARSER,
+                Err(UnwrapError::TooManyCharts { .. }) if least_texels < MOST_JOINED => least_texels *= COARSER,
                 plan => break plan?,
             }
         };
@@ -155,10 +159,7 @@ impl Charts {
             packed = pack(&dealt.charts, Some(cap), true, progress)?;
         }
         let needed = packed.extent[0].max(packed.extent[1]).max(MIN_SIZE).div_ceil(4) * 4;
-        Ok(Plan {
-            corners: self.spread(&dealt, &packed),
-            size: size.lightmap.unwrap_or(needed.min(cap)),
-        })
+        Ok(Plan { corners: self.spread(&dealt, &packed), size: size.lightmap.unwrap_or(needed.min(cap)) })
     }
 
     /// The charts at a density: texels per metre where they are finest.
@@ -216,9 +217,7 @@ impl Charts {
             island.middle + island.normal * caster.offset_m()
         });
         let heads = [a, b].map(|index| self.islands[index].middle + self.islands[index].normal * above_m);
-        caster.visible(heads[0], heads[1])
-            && caster.visible(feet[0], heads[0])
-            && caster.visible(feet[1], heads[1])
+        caster.visible(heads[0], heads[1]) && caster.visible(feet[0], heads[0]) && caster.visible(feet[1], heads[1])
     }
 
     /// Corners of all faces from those of the charts. Joined islands lie in one corner of what stands for them, but for the

@@ -32,7 +32,7 @@ pub const MIN_SIZE: u32 = 16;
 /// Empty texels around each chart, so that charts are twice this apart.
 const PADDING: u32 = 1;
 /// Texels along the side of a square as large as the surface, while charts are cut.
-const CUTTING_TEXELS: f64 = 2048.0;
+const CUTTING_TEXELS: f64 = 512.0;
 
 /// How fine a layout is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

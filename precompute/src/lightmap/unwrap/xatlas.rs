@@ -74,8 +74,7 @@ impl Unwrapper for XatlasChild {
         let request = request(pieces, texels_per_m);
         let n_triangles: usize = pieces.iter().map(|piece| piece.triangles.len()).sum();
         let answer = self.exchange(&request, 4 * (4 + 6 * n_triangles), progress)?;
-        parse_answer(&answer, pieces)
-            .ok_or_else(|| UnwrapError::Child { reason: "its answer makes no sense".into() })
+        parse_answer(&answer, pieces).ok_or_else(|| UnwrapError::Child { reason: "its answer makes no sense".into() })
     }
 }
 

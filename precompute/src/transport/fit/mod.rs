@@ -232,7 +232,8 @@ impl FitScene {
 
     /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
     pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
-        let spacing_m = weighted_mean(probes.iter().zip(weights).map(|(&id, &weight)| (self.spacing_m[id as usize], weight)));
+        let spacing_m =
+            weighted_mean(probes.iter().zip(weights).map(|(&id, &weight)| (self.spacing_m[id as usize], weight)));
         let (patches, seen) = self.patches(bounds, probes, spacing_m);
         // Λ_i transposed, [n_patches][n_sh].
         let views: Vec<Vec<f32>> = probes
@@ -492,7 +493,8 @@ fn spacing(probes: &ProbeSet) -> Vec<f32> {
 
 /// Mean of values by weights that are not negative; of all where no weight is positive.
 fn weighted_mean(values: impl Iterator<Item = (f32, f32)> + Clone) -> f32 {
-    let (sum, total) = values.clone().fold((0.0, 0.0), |(sum, total), (value, weight)| (sum + value * weight, total + weight));
+    let (sum, total) =
+        values.clone().fold((0.0, 0.0), |(sum, total), (value, weight)| (sum + value * weight, total + weight));
     if total > 0.0 {
         return sum / total;
     }

@@ -47,7 +47,12 @@ fn unwrap(pieces: &[Piece], texels_per_m: f32) -> Option<Vec<u8>> {
     xatlas.compute_charts(&ChartOptions { fix_winding: true, ..ChartOptions::default() });
     // xatlas keeps `padding` texels between charts; its charts also keep the texels of a bilinear tap.
     let padding = 2 * PADDING;
-    xatlas.pack_charts(&PackOptions { padding, texels_per_unit: texels_per_m, bilinear: true, ..PackOptions::default() });
+    xatlas.pack_charts(&PackOptions {
+        padding,
+        texels_per_unit: texels_per_m,
+        bilinear: true,
+        ..PackOptions::default()
+    });
     push(&mut answer, &[ANSWER, xatlas.width(), xatlas.height()]);
     let meshes = xatlas.meshes();
     let mut unwrapped = meshes.iter();
