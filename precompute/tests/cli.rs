@@ -65,7 +65,7 @@ fn help_leads_with_an_example_and_names_the_exit_codes() {
 fn a_wrong_command_line_is_bad_usage() {
     assert_refused(&["bake", "a.glb", "-o", "a.lprt", "--gather-ray", "5"], 2, &["--gather-rays"]);
     assert_refused(&["bake", "a.glb"], 2, &["--output"]);
-    assert_refused(&["bake", "a.glb", "-o", "a.lprt", "--lightmap", "64", "--texel", "0.1"], 2, &["--texel"]);
+    assert_refused(&["bake", "a.glb", "-o", "a.lprt", "--fill", "0.1"], 2, &["--fill", "--receivers"]);
     assert_refused(&["relight", "a.lprt"], 2, &["--picture"]);
     assert_refused(&["relight", "a.lprt", "--picture", "a.png", "--size", "12"], 2, &["1280x720"]);
     assert_refused(&["relight", "a.lprt", "-o", "a.exr", "--exposure", "1"], 2, &["--picture"]);

@@ -32,7 +32,7 @@ fn path(folder: &Path, name: &str) -> String {
 /// Cornell in a second or two.
 fn bake(folder: &Path) -> String {
     let file = path(folder, "c.lprt");
-    let options = ["--probes", "12", "--lightmap", "48", "--fill", "1", "--direct-map", "64", "--gather-rays", "64"];
+    let options = ["--probes", "12", "--lightmap", "48", "--direct-map", "64", "--gather-rays", "64"];
     let mut arguments =
         vec!["bake", "builtin:cornell", "-o", &file, "-q", "--relight-rays", "500", "--transport", "fitted"];
     arguments.extend(options);

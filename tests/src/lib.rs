@@ -23,8 +23,7 @@ pub const TRANSPORTS: [Transport; 2] = [Transport::Paper, Transport::Fitted];
 pub fn small_settings() -> BakeSettings {
     BakeSettings {
         probes: Some(16),
-        lightmap: 48,
-        fill: 1.0,
+        lightmap: Some(48),
         direct_map: 128,
         gather_rays: 256,
         relight_rays: 2000,

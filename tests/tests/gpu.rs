@@ -28,7 +28,7 @@ fn the_furnace_settles_on_the_gpu_too() {
 
 #[test]
 fn a_sealed_room_stays_dark_on_the_gpu_too() {
-    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: Some(64), ..small_settings() };
     let baked = bake(scene("two-rooms"), &settings);
     let lighting = Lighting::of_scene(&baked.scene);
     for shadow_maps in [false, true] {

@@ -10,7 +10,7 @@ fn light_in_a_sealed_room_stays_there() {
 }
 
 fn stays_there(transport: Transport) {
-    let settings = BakeSettings { probes: Some(24), lightmap: 64, transport, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: Some(64), transport, ..small_settings() };
     let baked = bake(scene("two-rooms"), &settings);
     let lighting = Lighting::of_scene(&baked.scene);
     // The lamp is in the left room, the wall between the rooms stands at x = 0.
@@ -32,7 +32,7 @@ fn stays_there(transport: Transport) {
 
 #[test]
 fn a_doorway_lets_light_through() {
-    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: Some(64), ..small_settings() };
     let baked = bake(scene("two-rooms-door"), &settings);
     let values = irradiance(&baked, &Lighting::of_scene(&baked.scene), 3);
     let dark = values.iter().zip(&baked.arrays.receiver_position).filter(|(_, position)| position[0] > 0.1);

@@ -102,7 +102,7 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
 
 #[test]
 fn a_sealed_room_shows_no_leak() {
-    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: Some(64), ..small_settings() };
     let found = findings(&bake(scene("two-rooms"), &settings), &few(), &[]);
     let leak = found.states[0].leak;
     assert!(leak.receivers > 100, "half of the receivers are in the dark: {leak:?}");
@@ -114,7 +114,7 @@ fn a_sealed_room_shows_no_leak() {
 #[test]
 fn the_operator_norm_of_a_blind_receiver_is_that_of_the_cosine() {
     // One probe, so one of the two rooms has none.
-    let settings = BakeSettings { probes: Some(1), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(1), lightmap: Some(64), ..small_settings() };
     let baked = bake(scene("two-rooms"), &settings);
     let found = findings(&baked, &few(), &[]);
     // Norm of the clamped cosine up to degree 9: A_l^2 (2l + 1) / 4 pi for l = 0, 1, 2, 4, 6, 8, a little below that of the

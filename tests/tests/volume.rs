@@ -92,7 +92,7 @@ fn a_sealed_dark_room_stays_exactly_dark() {
 }
 
 fn stays_exactly_dark(transport: Transport) {
-    let room = BakeSettings { probes: Some(24), lightmap: 64, transport, ..small_settings() };
+    let room = BakeSettings { probes: Some(24), lightmap: Some(64), transport, ..small_settings() };
     let settings = BakeSettings { volume: Some(0.4), volume_degree: 1, ..room };
     let baked = bake(scene("two-rooms"), &settings);
     let lighting = Lighting::of_scene(&baked.scene);

@@ -101,10 +101,11 @@ fn texels_are_of_one_size_on_the_surface_and_no_finer_than_asked_for() {
 
 #[test]
 fn as_many_texels_are_touched_as_were_asked_for() {
-    for texels in [2_000, 20_000] {
+    // Walls of one height take one more row all at once: of 20 rows that is 5 %.
+    for (texels, within) in [(2_000, 0.05), (20_000, 0.03)] {
         let (after, size) = unwrapped(room(), LayoutSize { texels, ..LayoutSize::default() }, &quiet).unwrap();
         let covered = texels::cover(&after, &Atlas::of(&after), size).texels.len();
-        assert!((covered as f32 / texels as f32 - 1.0).abs() < 0.03, "{covered} of {texels}");
+        assert!((covered as f32 / texels as f32 - 1.0).abs() < within, "{covered} of {texels}");
         // The map's size follows: it is not much larger than what it holds.
         assert!(covered as f32 > 0.5 * (size as f32).powi(2), "{covered} of {size} squared");
     }

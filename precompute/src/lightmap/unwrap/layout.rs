@@ -29,7 +29,9 @@ const FINEST_SHARE: f64 = 0.02;
 /// The number of texels is met this closely, or until nothing changes.
 const CLOSE_ENOUGH: f64 = 0.01;
 /// Packs while the number of texels is looked for.
-const MOST_PACKS: usize = 7;
+const MOST_PACKS: usize = 9;
+/// Up to so many charts are packed tightly whenever they are packed.
+const FEW_CHARTS: usize = 1000;
 /// Coarser joining, where charts are too many for a map.
 const COARSER: f64 = 4.0;
 /// Charts of more texels than this are never joined.
@@ -124,15 +126,17 @@ impl Charts {
         least_texels: f64,
         progress: Progress,
     ) -> Result<Plan, UnwrapError> {
-        let wanted = f64::from(size.texels);
         // Texels where there is one per metre where they are finest.
         let demand: f64 = self.islands.iter().map(|island| island.area_m2 / f64::from(island.texel).powi(2)).sum();
         let most = f64::from(size.lightmap.unwrap_or(MAX_SIZE)).powi(2);
-        let mut density = (wanted.min(most) / demand.max(f64::MIN_POSITIVE)).sqrt();
+        let wanted = f64::from(size.texels).min(most);
+        // Few charts are packed as they will be in the end.
+        let tight = self.islands.len() < FEW_CHARTS;
+        let mut density = (wanted / demand.max(f64::MIN_POSITIVE)).sqrt();
         let mut tried: Vec<(f64, f64)> = Vec::new();
         for _ in 0..MOST_PACKS {
             let dealt = self.deal(caster, density, size.finest_m, least_texels);
-            let packed = pack(&dealt.charts, None, false, progress)?;
+            let packed = pack(&dealt.charts, None, tight, progress)?;
             let covered = count(&packed) as f64;
             let side = f64::from(packed.extent[0].max(packed.extent[1]));
             tried.push((density, covered));

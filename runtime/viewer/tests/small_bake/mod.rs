@@ -21,8 +21,7 @@ impl SmallBake {
         }
         let settings = BakeSettings {
             probes: Some(12),
-            lightmap: 40,
-            fill: 1.0,
+            lightmap: Some(40),
             direct_map: 64,
             gather_rays: 128,
             relight_rays: 1000,
