@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The viewer for browsers with WebGPU: builds it to WebAssembly, puts it into a folder with a baked file and its scene,
 # and serves that folder.
-#   scripts/web.sh hall.lprt              the scene is hall.glb beside it
+#   scripts/web.sh hall.lprt              the scene is hall.lightmap.glb beside it, or else hall.glb
 #   scripts/web.sh hall.lprt --scene S    the scene is S, one .glb with everything in it
 #   scripts/web.sh                        the viewer alone; what it shows is in the address: ?file=F.lprt&scene=S.glb
 #   scripts/web.sh --setup                fetches a compiler for WebAssembly from Debian where rustup has none; no root
@@ -48,7 +48,10 @@ while [ $# -gt 0 ]; do
     shift
 done
 if [ -n "$file" ]; then
-    scene=${scene:-${file%.lprt}.glb}
+    if [ -z "$scene" ]; then
+        scene=${file%.lprt}.lightmap.glb
+        [ -f "$scene" ] || scene=${file%.lprt}.glb
+    fi
     for path in "$file" "$scene"; do
         [ -f "$path" ] || usage "$path is not there; name the scene with --scene"
     done

@@ -36,12 +36,12 @@ Examples:
 const RELIGHT_EXAMPLE: &str = "\
 Examples:
   precompute relight hall.lprt --picture hall.png
-  precompute relight hall.lprt --lights evening.json --bounces 4 -o evening.exr --receivers evening.ply";
+  precompute relight hall.lprt --lights evening.json -o evening.exr --receivers evening.ply";
 
 const VALIDATE_EXAMPLE: &str = "\
 Examples:
   precompute validate hall.lprt -o hall-quality
-  precompute validate hall.lprt -o hall-quality --lights noon.json --lights night.json --max-nrmse 0.1
+  precompute validate hall.lprt -o hall-quality --lights noon.json --max-nrmse 0.1
   precompute validate hall.lprt -o hall-quality --sweep probes=20,50,150 --sweep degree=2,4,7";
 
 /// Precomputed light transport: bake a scene once, relight it in real time.
@@ -100,7 +100,8 @@ pub struct Bake {
     /// Scene: .gltf, .glb or builtin:NAME
     #[arg(value_name = "SCENE", required_unless_present = "print_config")]
     pub scene: Option<String>,
-    /// Baked file to write; OUT.glb is written beside it if the scene had to be unwrapped
+    /// Baked file to write; if the scene has to be unwrapped, OUT.glb is written beside it, or OUT.lightmap.glb where
+    /// OUT.glb is the scene
     #[arg(short, long, value_name = "OUT.lprt", required_unless_present = "print_config")]
     pub output: Option<PathBuf>,
     /// Also write what was made, how good it is and what it cost, as JSON (`-` is standard output)

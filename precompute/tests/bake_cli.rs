@@ -148,6 +148,52 @@ fn a_baked_file_insists_on_its_scene() {
     assert!(text(&other.stderr).contains("hash"), "{}", text(&other.stderr));
 }
 
+/// Path of the scene as a baked file has it.
+fn scene_path(folder: &Path, file: &str) -> String {
+    let info = run(&["info", file, "--json"], folder);
+    assert_exit(&info, 0);
+    json(&info.stdout)["scene"]["path"].as_str().expect("a path").to_owned()
+}
+
+#[test]
+fn a_scene_file_is_baked_to_its_own_name_and_stays_as_it_is() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    let bake = |scene: &str, output: &str| {
+        assert_exit(&run(&[&["bake", scene, "-o", output], &SMALL[..]].concat(), folder), 0);
+    };
+    assert_exit(&run(&["scene", "cornell", "-o", "hall.glb"], folder), 0);
+    std::fs::create_dir(folder.join("inner")).expect("made");
+    let original = std::fs::read(folder.join("hall.glb")).expect("a file");
+    let mut spellings = vec!["hall.glb".to_owned(), "inner/../hall.glb".into()];
+    spellings.push(folder.join("hall.glb").to_str().expect("UTF-8").into());
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("../hall.glb", folder.join("inner/link.glb")).expect("linked");
+        spellings.push("inner/link.glb".into());
+    }
+    for scene in spellings {
+        let _ = std::fs::remove_file(folder.join("hall.lightmap.glb"));
+        bake(&scene, "hall.lprt");
+        assert_eq!(scene_path(folder, "hall.lprt"), "hall.lightmap.glb", "{scene}");
+        assert!(std::fs::read(folder.join("hall.glb")).expect("a file") == original, "{scene}");
+        assert_exit(&run(&["relight", "hall.lprt", "--json", "-"], folder), 0);
+    }
+    // Another folder has the name free.
+    bake("hall.glb", "inner/hall.lprt");
+    assert_eq!(scene_path(folder, "inner/hall.lprt"), "hall.glb");
+    assert!(folder.join("inner/hall.glb").exists() && !folder.join("inner/hall.lightmap.glb").exists());
+
+    // Lightmap coordinates are kept, so nothing is written beside; without them one more part of the name is.
+    bake("hall.lightmap.glb", "hall.lightmap.lprt");
+    assert_eq!(scene_path(folder, "hall.lightmap.lprt"), "hall.lightmap.glb");
+    assert!(!folder.join("hall.lightmap.lightmap.glb").exists());
+    assert_exit(&run(&["scene", "cornell", "-o", "bare.lightmap.glb"], folder), 0);
+    bake("bare.lightmap.glb", "bare.lightmap.lprt");
+    assert_eq!(scene_path(folder, "bare.lightmap.lprt"), "bare.lightmap.lightmap.glb");
+    assert_exit(&run(&["relight", "bare.lightmap.lprt", "--json", "-"], folder), 0);
+}
+
 #[test]
 fn lighting_files_are_obeyed_or_refused_by_place() {
     let folder = tempfile::tempdir().expect("folder");

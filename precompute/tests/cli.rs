@@ -173,9 +173,17 @@ fn outputs_are_refused_before_the_work_begins() {
     if cfg!(target_os = "linux") {
         refused("/dev/full", 6, &["/dev/full"]);
     }
-    let scene = at("b.glb");
+    let scene = at("b.gltf");
     assert_eq!(code(&run(&["scene", "cornell", "-o", &scene])), 0);
-    assert_refused(&["bake", &scene, "-o", &at("b.lprt")], 2, &["overwrite"]);
+    assert_refused(&["bake", &scene, "-o", &scene], 2, &["the baked file would overwrite the input", ".lprt"]);
+    #[cfg(unix)]
+    {
+        for link in ["c.glb", "c.lightmap.glb"] {
+            std::os::unix::fs::symlink(&scene, at(link)).expect("linked");
+        }
+        let parts = ["c.lightmap.glb: the scene with lightmap coordinates would overwrite the input", "help: "];
+        assert_refused(&["bake", &scene, "-o", &at("c.lprt")], 2, &parts);
+    }
     assert_refused(&["scene", "cornell", "-o", &at("no/a.glb")], 6, &["does not exist"]);
 }
 

@@ -109,21 +109,28 @@ fn check_baked_output(output: &Path) -> Result<(), CommandError> {
     Ok(check_writable(output)?)
 }
 
-/// OUT.glb beside OUT.lprt, refused where it would overwrite the input.
+/// Where the scene with lightmap coordinates goes, beside OUT.lprt: OUT.glb, or OUT.lightmap.glb where that is the input.
+/// Neither this nor OUT.lprt may be the input.
 fn scene_output(source: &str, output: &Path) -> Result<PathBuf, CommandError> {
-    let path = output.with_extension("glb");
-    let same = |other: &Path| match (path.canonicalize(), other.canonicalize()) {
-        (Ok(path), Ok(other)) => path == other,
-        _ => false,
-    };
-    if same(Path::new(source)) {
-        let what = "the scene with lightmap coordinates would overwrite the input";
-        let help = "give -o another name or folder: OUT.glb is written beside OUT.lprt";
-        return Err(CommandError::new(Exit::Usage, what).in_file(&path).help(help));
-    }
+    // Links and other spellings of a path lead to the same file.
+    let input = Path::new(source).canonicalize().ok().filter(|_| !source.starts_with(inputs::BUILTIN));
+    let is_input = |path: &Path| input.is_some() && path.canonicalize().ok() == input;
+    let mut path = output.with_extension("glb");
     if path == output {
         let help = "give it the extension .lprt: OUT.glb, the scene with lightmap coordinates, is written beside it";
         return Err(CommandError::new(Exit::Usage, "a baked file is not a .glb file").in_file(output).help(help));
+    }
+    if is_input(output) {
+        let what = "the baked file would overwrite the input";
+        return Err(CommandError::new(Exit::Usage, what).in_file(output).help("give it the extension .lprt"));
+    }
+    if is_input(&path) {
+        path = output.with_extension("lightmap.glb");
+    }
+    if is_input(&path) {
+        let what = "the scene with lightmap coordinates would overwrite the input";
+        let help = "give -o another name or folder: OUT.glb or OUT.lightmap.glb is written beside OUT.lprt";
+        return Err(CommandError::new(Exit::Usage, what).in_file(&path).help(help));
     }
     check_writable(&path)?;
     Ok(path)

@@ -139,6 +139,68 @@ impl Shape {
         self.grid_box([&xs[1..3], &heights, &zs[1..3]], true, |face| face.axis != 1);
     }
 
+    /// The surface of a solid: the union of boxes, each from its low to its high corner, less the holes. Closed but for
+    /// the faces, given by middle and normal, for which `keep` is false. Every face is cut wherever a box or hole has a
+    /// side, so that neighbors share whole edges.
+    pub fn solid(&mut self, boxes: &[[Vec3; 2]], holes: &[[Vec3; 2]], keep: impl Fn(Vec3, Vec3) -> bool) {
+        let splits: [Vec<f32>; 3] = [0, 1, 2].map(|axis| {
+            let mut at: Vec<f32> = boxes.iter().chain(holes).flatten().map(|corner| corner[axis]).collect();
+            at.sort_by(f32::total_cmp);
+            at.dedup();
+            at
+        });
+        let cell = |at: [usize; 3]| {
+            let [low, high] = [0, 1].map(|end| Vec3::from_array([0, 1, 2].map(|axis| splits[axis][at[axis] + end])));
+            [low, high]
+        };
+        let holds =
+            |all: &[[Vec3; 2]], at: Vec3| all.iter().any(|[low, high]| low.cmple(at).all() && at.cmple(*high).all());
+        let is_solid = |at: [usize; 3]| {
+            let [low, high] = cell(at);
+            let middle = (low + high) / 2.0;
+            holds(boxes, middle) && !holds(holes, middle)
+        };
+        let cells = [0, 1, 2].map(|axis| splits[axis].len() - 1);
+        for z in 0..cells[2] {
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    let at = [x, y, z];
+                    if !is_solid(at) {
+                        continue;
+                    }
+                    for axis in 0..3 {
+                        for high in [false, true] {
+                            let mut next = at;
+                            next[axis] = if high { at[axis] + 1 } else { at[axis].wrapping_sub(1) };
+                            if next[axis] < cells[axis] && is_solid(next) {
+                                continue;
+                            }
+                            self.cell_face(cell(at), axis, high, &keep);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn cell_face(&mut self, ends: [Vec3; 2], axis: usize, high: bool, keep: impl Fn(Vec3, Vec3) -> bool) {
+        let (u_axis, v_axis) = ((axis + 1) % 3, (axis + 2) % 3);
+        let corner = |u: usize, v: usize| {
+            let mut corner = ends[usize::from(high)];
+            (corner[u_axis], corner[v_axis]) = (ends[u][u_axis], ends[v][v_axis]);
+            corner
+        };
+        let mut corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        let mut normal = Vec3::AXES[axis];
+        if !high {
+            corners.reverse();
+            normal = -normal;
+        }
+        if keep((corners[0] + corners[2]) / 2.0, normal) {
+            self.quad(corners);
+        }
+    }
+
     /// A closed solid wall whose lower edge may rise into arches.
     pub fn wall(&mut self, wall: &Wall) {
         let place =
@@ -217,4 +279,17 @@ pub(super) fn arches(half_length: f32, bays: usize, radius: f32, springing: f32,
     }
     edge.push(Vec2::new(half_length, springing));
     edge
+}
+
+/// Numbers in 0..1 that look random and are the same everywhere (PCG's output permutation as a hash).
+pub(super) fn noise(seed: u32) -> f32 {
+    let state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (((word >> 22) ^ word) >> 8) as f32 / (1 << 24) as f32
+}
+
+/// Sine and cosine, rounded from f64 so that the scene is bit-equal on machines whose f32 functions differ.
+pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
+    let (sin, cos) = f64::from(angle).sin_cos();
+    (sin as f32, cos as f32)
 }

@@ -195,3 +195,93 @@ fn closed_forms_of_the_furnace_agree() {
     assert_eq!(furnace_irradiance(Some(2)), 1.5 * std::f64::consts::PI);
     assert_eq!(furnace_irradiance(None), 2.0 * std::f64::consts::PI);
 }
+
+/// Distance to the nearest triangle along a ray, its mesh, and whether its front was hit.
+fn first_hit(scene: &Scene, origin: Vec3, direction: Vec3) -> Option<(f64, usize, bool)> {
+    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+    let mut nearest: Option<(f64, usize, bool)> = None;
+    for (mesh, triangle) in scene.faces() {
+        let [a, b, c] = scene.corners(mesh, triangle).map(|corner| corner.as_dvec3());
+        let (to_b, to_c, to_origin) = (b - a, c - a, origin - a);
+        let normal = to_b.cross(to_c);
+        let facing = -normal.dot(direction);
+        if facing.abs() < 1e-12 {
+            continue;
+        }
+        let distance = normal.dot(to_origin) / facing;
+        let moment = to_origin.cross(direction);
+        let (u, v) = (to_c.dot(moment) / facing, -to_b.dot(moment) / facing);
+        let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 1e-6;
+        if inside && nearest.is_none_or(|(so_far, ..)| distance < so_far) {
+            nearest = Some((distance, mesh, facing > 0.0));
+        }
+    }
+    nearest
+}
+
+#[test]
+fn the_room_stands_on_the_plain_and_its_furniture_on_the_floor() {
+    let scene = scene("room-on-plain").unwrap();
+    assert_eq!(scene.bounds().unwrap(), (Vec3::new(-100.0, -0.1, -100.0), Vec3::new(100.0, 3.25, 100.0)));
+    assert_eq!((scene.face_count(), scene.meshes.len()), (5378, 26), "as the README says");
+    let house = ["facade", "roof", "reveals", "walls", "clay wall", "ceiling", "floor"];
+    let open = open_edges(&scene, |mesh| house.contains(&mesh.name.as_str()));
+    assert!(!open.is_empty() && open.iter().flatten().all(|corner| corner[1] == -0.1), "{open:?}");
+    for mesh in scene.meshes.iter().filter(|mesh| mesh.name != "plain" && !house.contains(&mesh.name.as_str())) {
+        let open = open_edges(&scene, |other| other.name == mesh.name);
+        let on_plane = |axis: usize, at: f32| move |edge: &[[f32; 3]; 2]| edge.iter().all(|corner| corner[axis] == at);
+        let touches: Vec<(usize, f32)> = match mesh.name.as_str() {
+            "window 1" => vec![(1, 0.8), (1, 2.4), (2, -3.2), (2, -1.2)],
+            "window 2" => vec![(1, 0.8), (1, 2.4), (2, 0.6), (2, 2.6)],
+            "window 3" => vec![(1, 0.8), (1, 2.4), (0, 0.9), (0, 2.7)],
+            "beams" => vec![(1, 3.0), (0, -4.0), (0, 4.0)],
+            "jar" => vec![(1, 0.76)],
+            // On the boards of the shelf.
+            name if name.starts_with("books") || name == "cartons" => open.iter().map(|edge| (1, edge[0][1])).collect(),
+            _ => vec![(1, 0.0)],
+        };
+        assert!(!open.is_empty(), "{}", mesh.name);
+        let touching = |edge: &[[f32; 3]; 2]| touches.iter().any(|(axis, at)| on_plane(*axis, *at)(edge));
+        assert!(open.iter().all(touching), "{}: {open:?}", mesh.name);
+    }
+    for color in scene.materials.iter().map(|material| material.base_color.truncate()) {
+        assert!(color.min_element() >= 0.2 && color.max_element() <= 0.8, "{color}");
+    }
+}
+
+#[test]
+fn the_room_shows_no_back_of_a_face() {
+    let scene = scene("room-on-plain").unwrap();
+    let eye = scene.cameras[0].to_world.transform_point3(Vec3::ZERO);
+    assert!(eye.y == 1.6 && eye.x.abs() < 4.0 && eye.z.abs() < 5.0, "{eye}");
+    // At the camera, under the table, under a chair, before the shelf, behind the sideboard, outside.
+    let places = [
+        eye,
+        Vec3::new(0.9, 0.3, -0.4),
+        Vec3::new(0.2, 0.2, -1.15),
+        Vec3::new(-2.3, 1.0, -4.5),
+        Vec3::new(-3.98, 0.4, 0.1),
+        Vec3::new(-9.0, 2.0, 12.0),
+        Vec3::new(11.0, 6.0, -9.0),
+    ];
+    const N_RAYS: usize = 2000;
+    let mut seen = BTreeSet::new();
+    for place in places {
+        for index in 0..N_RAYS {
+            // A spherical Fibonacci set.
+            let height = 1.0 - (2 * index + 1) as f32 / N_RAYS as f32;
+            let (sin, cos) = shapes::sin_cos(index as f32 * 2.399_963);
+            let ring = (1.0 - height * height).sqrt();
+            let hit = first_hit(&scene, place, Vec3::new(ring * cos, height, ring * sin));
+            let name = hit.map(|(_, mesh, _)| scene.meshes[mesh].name.as_str());
+            assert!(hit.is_none_or(|(.., front)| front), "the back of {name:?} from {place} by ray {index}");
+            seen.extend(name);
+        }
+    }
+    assert_eq!(seen.len(), scene.meshes.len(), "{seen:?}");
+    // The sun comes through the window on the table and on the floor.
+    let sun = scene.lights[0].direction;
+    for place in [Vec3::new(0.7, 0.77, -1.2), Vec3::new(1.3, 0.77, -1.4), Vec3::new(0.0, 0.01, 2.6)] {
+        assert_eq!(first_hit(&scene, place, -sun), None, "{place}");
+    }
+}

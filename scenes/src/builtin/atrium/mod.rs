@@ -8,6 +8,7 @@ mod furnishing;
 mod masonry;
 mod textures;
 
+use super::shapes::{noise, sin_cos};
 use super::{camera, matte};
 use crate::lighting::{Light, LightKind};
 use crate::scene::{AlphaMode, Material, Scene, TextureRef, Wrap};
@@ -78,19 +79,6 @@ fn materials() -> Vec<Material> {
         cloth("cloth blue", [0.05, 0.13, 0.5]),
         cloth("cloth ochre", [0.65, 0.38, 0.06]),
     ]
-}
-
-/// Numbers in 0..1 that look random and are the same everywhere (PCG's output permutation as a hash).
-fn noise(seed: u32) -> f32 {
-    let state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (((word >> 22) ^ word) >> 8) as f32 / (1 << 24) as f32
-}
-
-/// Sine and cosine, rounded from f64 so that the scene is bit-equal on machines whose f32 functions differ.
-fn sin_cos(angle: f32) -> (f32, f32) {
-    let (sin, cos) = f64::from(angle).sin_cos();
-    (sin as f32, cos as f32)
 }
 
 #[cfg(test)]
