@@ -133,7 +133,8 @@ fn viewpoints_stand_in_the_open_and_differ() {
     assert!(cameras.len() >= 2, "two rooms take two views: {cameras:?}");
     for (camera, points) in cameras.iter().zip(&seen) {
         let eye = camera.to_world.w_axis.truncate();
-        assert!(subject.probe_positions().contains(&eye), "{eye}");
+        // A matrix was inverted in f32: some roundings of metres.
+        assert!(subject.probe_positions().iter().any(|probe| probe.distance(eye) < 1e-5), "{eye}");
         assert!(points.len() > 250, "walls on all sides: {}", points.len());
         // What a camera sees, it sees from the front.
         assert!(points.iter().all(|seen| (eye - seen.point.position).dot(seen.point.geometric_normal) > 0.0));

@@ -66,7 +66,7 @@ fn seen(figures: &StateFigures) -> Block {
         "seen by",
         "points",
         "nrmse",
-        "but worst 1 %",
+        "without worst 1 %",
         "median",
         "95 %",
         "99 %",

@@ -31,18 +31,23 @@ pub(super) fn verdict(context: &Context<'_>, metrics: &Metrics) -> Verdict {
         largest_part(worst),
         percent(worst.methods.spatial.nrmse)
     );
-    let limits: Vec<(bool, String)> = [
-        (context.max_view_nrmse, shown.iter().map(|(_, view)| view.nrmse).reduce(f64::max), "views"),
-        (context.max_nrmse, Some(nrmse(worst)), "receivers"),
-    ]
-    .into_iter()
-    .filter_map(|(allowed, found, what)| {
-        let allowed = allowed?;
-        let holds = found.is_some_and(|found| found <= allowed);
-        let place = if holds { "within" } else { "above" };
-        Some((holds, format!("The {what} are {place} the limit of {}.", percent(allowed))))
-    })
-    .collect();
+    // Nothing to compare is no success.
+    let dark = counted.iter().any(|state| state.views.iter().all(|view| view.pixels == 0));
+    let of_views = shown.iter().map(|(_, view)| view.nrmse).reduce(f64::max).filter(|_| !dark);
+    let limits: Vec<(bool, String)> =
+        [(context.max_view_nrmse, of_views, "views"), (context.max_nrmse, Some(nrmse(worst)), "receivers")]
+            .into_iter()
+            .filter_map(|(allowed, found, what)| {
+                let allowed = allowed?;
+                let holds = found.is_some_and(|found| found <= allowed);
+                let place = match found {
+                    None => "no measure for",
+                    Some(_) if holds => "within",
+                    Some(_) => "above",
+                };
+                Some((holds, format!("The {what} are {place} the limit of {}.", percent(allowed))))
+            })
+            .collect();
     let passed = (!limits.is_empty()).then(|| limits.iter().all(|(holds, _)| *holds));
     let sentences = by_view.chain([of_receivers]).chain(limits.into_iter().map(|(_, sentence)| sentence));
     Verdict { passed, sentence: sentences.collect::<Vec<_>>().join(" "), numbers: numbers(&shown, worst, metrics) }
