@@ -204,6 +204,9 @@ pub struct Validate {
     /// End with exit code 7 if the nrmse under a given lighting is above this
     #[arg(long, value_name = "X", value_parser = parse_positive)]
     pub max_nrmse: Option<f64>,
+    /// End with exit code 7 if the nrmse of what a camera sees, under a given lighting, is above this
+    #[arg(long, value_name = "X", value_parser = parse_positive)]
+    pub max_view_nrmse: Option<f64>,
     /// Bake again with other values of an option and compare, such as probes=2,8,20,50,150 or degree=2,4,7,10; may be given
     /// several times
     #[arg(long, value_name = "OPTION=VALUES", help_heading = "Sweeps", value_parser = parse_sweep)]
@@ -222,10 +225,14 @@ pub struct Validate {
     #[arg(long, value_name = "N", default_value_t = 16_384, help_heading = "Reference",
           value_parser = clap::value_parser!(u32).range(512..=16_777_216))]
     pub paths: u32,
-    /// Seed of the reference and of the choice of receivers
+    /// Points at which the lightmap is compared as it is seen: per view, and spread over the scene by area
+    #[arg(long, value_name = "N", default_value_t = 1500, help_heading = "Reference",
+          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub points: u32,
+    /// Seed of the reference and of the choice of receivers and points
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Reference")]
     pub seed: u64,
-    /// Camera of the scene, from 0 [default: up to three; without any, one that shows the whole scene]
+    /// Camera of the scene, from 0 [default: up to three; without any, up to three probes that see most]
     #[arg(long, value_name = "N", help_heading = "Pictures")]
     pub camera: Option<usize>,
     /// Pixels per row
@@ -236,6 +243,10 @@ pub struct Validate {
     #[arg(long, value_name = "N", default_value_t = 128, help_heading = "Pictures",
           value_parser = clap::value_parser!(u32).range(8..=65_536))]
     pub picture_paths: u32,
+    /// Most paths per pixel of the smaller reference that FLIP compares with; fewer where FLIP between its halves is 0.01
+    #[arg(long, value_name = "N", default_value_t = 8192, help_heading = "Pictures",
+          value_parser = clap::value_parser!(u32).range(8..=1_048_576))]
+    pub flip_paths: u32,
 }
 
 /// What computes a lighting state.

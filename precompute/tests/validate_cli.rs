@@ -41,8 +41,23 @@ fn bake(folder: &Path) -> String {
     file
 }
 
-const QUICK: [&str; 11] =
-    ["-q", "--receivers", "100", "--paths", "512", "--width", "24", "--picture-paths", "8", "--bounces", "1"];
+const QUICK: [&str; 15] = [
+    "-q",
+    "--receivers",
+    "100",
+    "--paths",
+    "512",
+    "--width",
+    "24",
+    "--picture-paths",
+    "8",
+    "--bounces",
+    "1",
+    "--points",
+    "100",
+    "--flip-paths",
+    "16",
+];
 
 fn validate(file: &str, folder: &str, more: &[&str]) -> Output {
     run(&[&["validate", file, "-o", folder], &QUICK[..], more].concat())
@@ -75,6 +90,17 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
             assert!(errors[name].as_f64() > Some(0.0), "{method} {name}: {errors}");
         }
     }
+    let view = &metrics["views"][0];
+    assert!(keys(view).starts_with("name nrmse median_relative p95_relative flip flip_noise unseen"), "{}", keys(view));
+    assert_eq!(view["name"], "front");
+    for figures in [view, &metrics["area"]] {
+        for name in ["nrmse", "median_relative", "p95_relative", "p99_relative", "nrmse_99", "standard_error"] {
+            assert!(figures[name].as_f64() > Some(0.0), "{name}: {figures}");
+        }
+        assert!(figures["nrmse_99"].as_f64() <= figures["nrmse"].as_f64(), "{figures}");
+    }
+    assert!(view["pixels"].as_u64() > Some(80), "{view}");
+    assert_eq!(metrics["area"]["points"], 100);
     for name in ["mean", "p95", "max"] {
         assert!(metrics["operator_norm"][name].as_f64() > Some(0.0), "{name}");
     }
@@ -134,6 +160,15 @@ fn limits_and_mistakes_have_their_exit_codes() {
     // The page tells why, so it is there.
     assert!(Path::new(&path(folder.path(), "quality/index.html")).is_file());
 
+    // A limit of its own for what is seen; the page holds both to theirs.
+    let output = validate(&file, &quality, &["--max-nrmse", "1000", "--max-view-nrmse", "0.0001"]);
+    assert_eq!(code(&output), 7, "{}", stderr(&output));
+    assert!(stderr(&output).contains("what front sees under the scene's own light is"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("index.html"), "{}", stderr(&output));
+    let page = std::fs::read_to_string(path(folder.path(), "quality/index.html")).expect("a page");
+    assert!(page.contains("The views are above the limit") && page.contains("The receivers are within the limit"));
+    assert_eq!(code(&validate(&file, &quality, &["--max-view-nrmse", "1000"])), 0);
+
     let dark = path(folder.path(), "dark.json");
     std::fs::write(&dark, r#"{"lights":[]}"#).expect("written");
     let output = validate(&file, &quality, &["--lights", &dark]);
@@ -150,7 +185,13 @@ fn limits_and_mistakes_have_their_exit_codes() {
         assert_eq!(code(&output), 2, "{}", stderr(&output));
         assert!(stderr(&output).contains(part), "{}", stderr(&output));
     }
-    for arguments in [["--sweep", "degree"], ["--max-nrmse", "-1"], ["--bounces", "0"], ["--error", "nan"]] {
+    for arguments in [
+        ["--sweep", "degree"],
+        ["--max-nrmse", "-1"],
+        ["--max-view-nrmse", "0"],
+        ["--bounces", "0"],
+        ["--error", "nan"],
+    ] {
         assert_eq!(code(&validate(&file, &quality, &arguments)), 2, "{arguments:?}");
     }
     assert_eq!(code(&validate(&path(folder.path(), "none.lprt"), &quality, &[])), 6);

@@ -7,8 +7,8 @@ use localprt_precompute::{
     rays::RayCaster,
     settings::{BakeSettings, Transport},
     validate::{
-        self, Findings, MeasureSettings, State, Subject, Sweep, path_tracer::PathBudget, report::Metrics,
-        selection::sample,
+        self, Findings, MeasureSettings, State, Subject, Sweep, path_tracer::PathBudget, report::Metrics, seen,
+        selection::sample, viewpoints::viewpoints,
     },
 };
 use localprt_scenes::Lighting;
@@ -22,6 +22,8 @@ fn few() -> MeasureSettings {
         budget: PathBudget { error: 0.01, most_paths: 4096 },
         picture_width: 16,
         picture_paths: 8,
+        flip_paths: 16,
+        points: 200,
         picture_receivers: 64,
         pairs: 50,
         ..MeasureSettings::default()
@@ -65,6 +67,13 @@ fn every_method_is_right_in_a_furnace() {
             assert!(error.nrmse < 0.02 && error.bias.abs() < 0.01, "{method} at degree {receiver_degree}: {error:?}");
         }
         assert!(state.parts.unseen < 1e-3 && state.parts.input < 1e-3, "{:?}", state.parts);
+        // The same light everywhere, so reads between texels and across gutters cost nothing; the reference's noise is new.
+        for seen in [state.views[0].error, state.area] {
+            assert_eq!(seen.points, 200);
+            assert!(seen.standard_error > 0.0 && seen.standard_error <= 0.02, "{seen:?}");
+            assert!(seen.nrmse < 0.02 + seen.standard_error && seen.bias.abs() < 0.01, "{seen:?}");
+            assert!(seen.nrmse_99 <= seen.nrmse && seen.unseen < 1e-3, "{seen:?}");
+        }
     }
 }
 
@@ -98,6 +107,45 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
     let by_chance = 1.0 / (found.sample.len() as f64 - 1.0).sqrt();
     assert!(predicted.rank_correlation.expect("varied") > 4.0 * by_chance, "{predicted:?}");
     assert!(predicted.error_where_high > 2.0 * predicted.error_elsewhere, "{predicted:?}");
+}
+
+#[test]
+fn viewpoints_stand_in_the_open_and_differ() {
+    let mut room = scene("two-rooms");
+    room.cameras.clear();
+    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let baked = bake(room, &settings);
+    let caster = RayCaster::new(&baked.scene).expect("a tree");
+    let subject = Subject::new(baked.arrays.view(), &caster, &Progress::silent()).expect("the scene fits the file");
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| {
+            let cameras = viewpoints(&subject, 3);
+            let seen: Vec<_> = cameras.iter().map(|camera| seen::of_view(&subject, camera, 300, 1)).collect();
+            (cameras, seen, seen::by_area(&subject, 300, 1))
+        })
+    };
+    let (cameras, seen, area) = on(1);
+    let (cameras_on_three, seen_on_three, area_on_three) = on(3);
+    let eyes: Vec<_> = cameras.iter().map(|camera| camera.to_world).collect();
+    assert_eq!(eyes, cameras_on_three.iter().map(|camera| camera.to_world).collect::<Vec<_>>());
+    assert_eq!((&seen, &area), (&seen_on_three, &area_on_three));
+    assert!(cameras.len() >= 2, "two rooms take two views: {cameras:?}");
+    for (camera, points) in cameras.iter().zip(&seen) {
+        let eye = camera.to_world.w_axis.truncate();
+        // A matrix was inverted in f32: some roundings of metres.
+        assert!(subject.probe_positions().iter().any(|probe| probe.distance(eye) < 1e-5), "{eye}");
+        assert!(points.len() > 250, "walls on all sides: {}", points.len());
+        // What a camera sees, it sees from the front.
+        assert!(points.iter().all(|seen| (eye - seen.point.position).dot(seen.point.geometric_normal) > 0.0));
+    }
+    // Nothing of one room is seen from the other, so the first two views share no receiver.
+    let receivers = |points: &[seen::SeenPoint]| -> Vec<_> {
+        points.iter().filter_map(|seen| subject.receiver_at(seen.uv)).collect()
+    };
+    let (first, second) = (receivers(&seen[0]), receivers(&seen[1]));
+    assert!(!first.is_empty() && first.iter().all(|receiver| !second.contains(receiver)));
+    assert_eq!(area.len(), 300);
 }
 
 #[test]

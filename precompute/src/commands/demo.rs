@@ -75,11 +75,14 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
             receivers: 1024,
             budget: PathBudget { error: 0.02, most_paths: 4096 },
             picture_paths: 64,
+            flip_paths: 1024,
+            points: 1000,
             ..MeasureSettings::default()
         },
         sweeps: &[],
         failure_case: false,
         max_nrmse: None,
+        max_view_nrmse: None,
     };
     job.run(&baked, &caster, progress)?;
     let page = quality.join("index.html");

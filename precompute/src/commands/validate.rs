@@ -12,6 +12,8 @@ use localprt_precompute::reference_file::ReferenceFile;
 use localprt_precompute::validate::pages::{self, Context};
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
+use localprt_precompute::validate::seen::SeenError;
+use localprt_precompute::validate::viewpoints::viewpoints;
 use localprt_precompute::validate::{self, MeasureSettings, State, StateFindings, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
 use std::fs;
@@ -33,6 +35,8 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         seed: command.seed,
         picture_width: command.width,
         picture_paths: command.picture_paths,
+        flip_paths: command.flip_paths,
+        points: command.points,
         ..MeasureSettings::default()
     };
     let job = Job {
@@ -44,6 +48,7 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         sweeps: &command.sweep,
         failure_case: command.failure_case,
         max_nrmse: command.max_nrmse,
+        max_view_nrmse: command.max_view_nrmse,
     };
     job.run(&baked, &caster, progress)
 }
@@ -56,7 +61,7 @@ pub struct Job<'a> {
     pub output: &'a Path,
     /// Lighting states; the first leads.
     pub states: Vec<State>,
-    /// Views.
+    /// Views; with none some are chosen.
     pub cameras: Vec<Camera>,
     /// How much is measured.
     pub settings: MeasureSettings,
@@ -64,8 +69,10 @@ pub struct Job<'a> {
     pub sweeps: &'a [(String, Vec<String>)],
     /// Whether to add the failure case.
     pub failure_case: bool,
-    /// Limit of the nrmse.
+    /// Limit of the nrmse over receivers.
     pub max_nrmse: Option<f64>,
+    /// Limit of the nrmse of what a view shows.
+    pub max_view_nrmse: Option<f64>,
 }
 
 impl Job<'_> {
@@ -81,16 +88,10 @@ impl Job<'_> {
             Sweep::new(option, values, &subject.settings, view.metadata.lightmap_size)
         };
         let sweeps = self.sweeps.iter().map(sweep).collect::<Result<Vec<_>, _>>()?;
-        let findings = validate::validate(
-            &subject,
-            &self.states,
-            self.failure_case,
-            &sweeps,
-            &self.cameras,
-            &self.settings,
-            progress,
-        )
-        .map_err(about_file)?;
+        let cameras = self.cameras(&subject)?;
+        let findings =
+            validate::validate(&subject, &self.states, self.failure_case, &sweeps, &cameras, &self.settings, progress)
+                .map_err(about_file)?;
 
         let stage = progress.stage("pictures and page", 0);
         let metrics = Metrics::of(&findings, &self.settings);
@@ -101,6 +102,7 @@ impl Job<'_> {
             settings: self.settings,
             file: self.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             max_nrmse: self.max_nrmse,
+            max_view_nrmse: self.max_view_nrmse,
             file_bytes: fs::metadata(self.file).map_or(0, |data| data.len()),
             seconds: started.elapsed().as_secs_f64(),
         };
@@ -120,13 +122,38 @@ impl Job<'_> {
                 ours.bias,
                 figures.reference.standard_error
             ));
+            for view in &state.views {
+                progress.note(&match view.error.points {
+                    0 => format!("  {} sees no indirect light on lightmap texels", view.camera),
+                    _ => format!(
+                        "  seen by {}: {}, FLIP {:.4} (halves of the reference {:.4})",
+                        view.camera,
+                        seen_figures(&view.error),
+                        view.flip,
+                        view.flip_noise
+                    ),
+                });
+            }
+            if state.area.points > 0 {
+                progress.note(&format!("  by area: {}", seen_figures(&state.area)));
+            }
         }
         progress.note(&format!("wrote {}", self.output.join("index.html").display()));
         if let Some(state) = findings.states.first() {
             let bounces = self.settings.bounces;
             self.leave(&ReferenceFile::of(baked.content_hash(), &view, &findings.sample, state, bounces), progress);
         }
-        self.gate(&findings.states)
+        self.gate(&findings.states)?;
+        self.gate_views(&findings.states)
+    }
+
+    /// The given views, or those that show most from where probes stand, or one of the whole scene.
+    fn cameras(&self, subject: &Subject<'_>) -> Result<Vec<Camera>, CommandError> {
+        if !self.cameras.is_empty() {
+            return Ok(self.cameras.clone());
+        }
+        let chosen = viewpoints(subject, MOST_CAMERAS);
+        if chosen.is_empty() { Ok(vec![inputs::camera(subject.caster, None)?]) } else { Ok(chosen) }
     }
 
     /// Writes the reference beside the baked file. Where that cannot be, the validation is as good without.
@@ -136,6 +163,31 @@ impl Job<'_> {
             Ok(()) => progress.note(&format!("wrote {}: irradiance under {}", path.display(), reference.state)),
             Err(error) => progress.warn(&format!("no reference for the viewer: {} {error}", path.display())),
         }
+    }
+
+    /// Fails where a view shows more error than the user allows, or no view shows anything to compare.
+    fn gate_views(&self, states: &[StateFindings]) -> Result<(), CommandError> {
+        let Some(allowed) = self.max_view_nrmse else { return Ok(()) };
+        let page = self.output.join("index.html");
+        for state in states.iter().filter(|state| state.state.counts) {
+            let fails =
+                |what: String, help: String| Err(CommandError::new(Exit::Quality, what).in_file(self.file).help(help));
+            if state.views.iter().all(|view| view.error.points == 0) {
+                let what = format!("no view shows indirect light under {}: nothing to compare", state.state.name);
+                return fails(what, "point a camera of the scene at lit surfaces, or choose one with --camera".into());
+            }
+            for view in &state.views {
+                let nrmse = view.error.nrmse;
+                if nrmse > allowed || nrmse.is_nan() {
+                    let (camera, light) = (&view.camera, &state.state.name);
+                    let what =
+                        format!("nrmse of what {camera} sees under {light} is {nrmse:.4}, allowed is {allowed:.4}");
+                    let help = format!("{} shows where; more receivers or more probes lower it", page.display());
+                    return fails(what, help);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Fails above the limit that the user set.
@@ -155,6 +207,20 @@ impl Job<'_> {
     }
 }
 
+/// What a line on the console says of points.
+fn seen_figures(error: &SeenError) -> String {
+    format!(
+        "nrmse {:.4} ({:.4} without the worst 1 %), median {:.4}, p95 {:.4}, bias {:+.4}, unseen {:.4}, reference +-{:.4}",
+        error.nrmse,
+        error.nrmse_99,
+        error.median_relative,
+        error.p95_relative,
+        error.bias,
+        error.unseen,
+        error.standard_error
+    )
+}
+
 /// The given lighting files; with none the scene's own light; with one both, if the scene has light of its own.
 fn states(command: &Validate, scene: &Scene) -> Result<Vec<State>, CommandError> {
     let mut states = Vec::new();
@@ -172,9 +238,12 @@ fn states(command: &Validate, scene: &Scene) -> Result<Vec<State>, CommandError>
 }
 
 fn cameras(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Vec<Camera>, CommandError> {
-    let own = &caster.scene().cameras;
-    if number.is_some() || own.is_empty() {
-        return Ok(vec![inputs::camera(caster, number)?]);
+    let mut cameras = match number {
+        Some(_) => vec![inputs::camera(caster, number)?],
+        None => caster.scene().cameras.iter().take(MOST_CAMERAS).cloned().collect(),
+    };
+    for (index, camera) in cameras.iter_mut().enumerate().filter(|(_, camera)| camera.name.is_empty()) {
+        camera.name = format!("camera {}", number.unwrap_or(index));
     }
-    Ok(own.iter().take(MOST_CAMERAS).cloned().collect())
+    Ok(cameras)
 }

@@ -52,6 +52,21 @@ impl MethodError {
     }
 }
 
+/// [`MethodError::nrmse`] without this share of the points, those of the largest squared error. The mean stays that of all
+/// points. 0 where the reference is black altogether.
+pub fn nrmse_without_worst(found: &[Vec3], reference: &[Vec3], share: f64) -> f64 {
+    let pairs = found.iter().zip(reference);
+    let mut squares: Vec<f64> =
+        pairs.map(|(found, reference)| (found.as_dvec3() - reference.as_dvec3()).length_squared()).collect();
+    squares.sort_unstable_by(f64::total_cmp);
+    squares.truncate(squares.len() - (share * squares.len() as f64) as usize);
+    let mean = mean(reference);
+    if mean <= 0.0 {
+        return 0.0;
+    }
+    (squares.iter().sum::<f64>() / (3.0 * squares.len().max(1) as f64)).sqrt() / mean
+}
+
 /// `|E - E_ref| / max(E_ref, 0.05 mean E_ref)` of luminance, per receiver.
 pub fn relative_errors(found: &[Vec3], reference: &[Vec3]) -> Vec<f64> {
     let brightness = |color: &Vec3| luminance(color.as_dvec3());
@@ -138,6 +153,21 @@ mod tests {
         let found = [Vec3::splat(0.1), Vec3::splat(2.0)];
         // 0.1 / (0.05 x 1); f32 holds 0.1 to 2^-27.
         assert!((relative_errors(&found, &reference)[0] - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_worst_percent_is_left_out_of_the_errors_but_not_of_the_mean() {
+        // 200 points of mean 2, two of them off by 10, the others by 0.5.
+        let reference = vec![Vec3::splat(2.0); 200];
+        let found: Vec<Vec3> = (0..200).map(|i| Vec3::splat(if i % 100 == 7 { 12.0 } else { 2.5 })).collect();
+        assert!((nrmse_without_worst(&found, &reference, 0.01) - 0.25).abs() < 1e-12);
+        let all = MethodError::of(&found, &reference).expect("light").nrmse;
+        assert!((nrmse_without_worst(&found, &reference, 0.0) - all).abs() < 1e-12 && all > 0.5, "{all}");
+        // Less than a whole point is no point; the brightest points leave the errors and stay in the mean.
+        assert_eq!(nrmse_without_worst(&found[..7], &reference[..7], 0.01), 0.25);
+        let bright = [Vec3::splat(1.0), Vec3::splat(3.0)];
+        assert!((nrmse_without_worst(&[Vec3::splat(1.5), Vec3::splat(9.0)], &bright, 0.5) - 0.25).abs() < 1e-12);
+        assert_eq!(nrmse_without_worst(&found[..1], &[Vec3::ZERO], 0.01), 0.0);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`path_tracer`] | the reference: irradiance with standard errors, pictures |
 //! | [`last_leg`] | compressed, uncompressed, the comparators of figure 8, and the steps between truth and result |
+//! | [`seen`], [`viewpoints`] | the lightmap as an engine reads it, at points that a camera sees and at points by area |
 //! | [`metrics`], [`flip`] | errors, each beside its formula |
 //! | [`parts`] | what the error is made of, and why the worst receivers are wrong |
 //! | [`steps`] | steps across chart seams and cluster borders |
@@ -25,11 +26,13 @@ pub mod pages;
 pub mod parts;
 pub mod path_tracer;
 pub mod report;
+pub mod seen;
 pub mod selection;
 pub mod state;
 pub mod steps;
 pub mod subject;
 pub mod sweep;
+pub mod viewpoints;
 
 pub use state::{METHODS, State, StateFindings};
 pub use subject::Subject;
@@ -43,6 +46,7 @@ use metrics::{percentile, rank_correlation, relative_errors};
 use path_tracer::PathBudget;
 use selection::{Pairs, sample};
 use serde::Serialize;
+use state::SeenPoints;
 use sweep::SweepFindings;
 
 /// How much is measured.
@@ -58,8 +62,12 @@ pub struct MeasureSettings {
     pub seed: u64,
     /// Pixels per row of the pictures.
     pub picture_width: u32,
-    /// Paths per pixel of the pictures.
+    /// Paths per pixel of the pictures to look at.
     pub picture_paths: u32,
+    /// Most paths per pixel of the smaller pictures that FLIP compares.
+    pub flip_paths: u32,
+    /// Points per view, and by area, at which the lightmap is compared as it is seen.
+    pub points: u32,
     /// Receivers at which the pictures of uncompressed light and comparators are exact; they are interpolated between.
     pub picture_receivers: u32,
     /// Pairs of receivers per kind of border.
@@ -75,6 +83,8 @@ impl Default for MeasureSettings {
             seed: 1,
             picture_width: 480,
             picture_paths: 128,
+            flip_paths: 8192,
+            points: 1500,
             picture_receivers: 8192,
             pairs: 1000,
         }
@@ -140,13 +150,17 @@ pub fn validate(
 ) -> Result<Findings, BakeError> {
     let sample = sample(subject.len(), settings.receivers as usize, settings.seed);
     let pairs = Pairs::of(subject, settings.pairs as usize);
+    let seen_points = SeenPoints {
+        views: cameras.iter().map(|camera| seen::of_view(subject, camera, settings.points, settings.seed)).collect(),
+        area: seen::by_area(subject, settings.points, settings.seed),
+    };
     let unlit = operator_norm::operator_norm(subject, &sample, progress)?;
     let operator_norm: Vec<f32> = unlit.iter().map(|unlit| unlit.norm).collect();
     let predicted = unlit.iter().map(|unlit| unlit.predicted).collect();
     let worst = if failure_case { failure::failure_case(subject, &sample, &operator_norm) } else { None };
     let mut measured: Vec<StateFindings> = Vec::new();
     for state in states.iter().chain(&worst) {
-        match state::measure(subject, state, &sample, &pairs, cameras, settings, progress)? {
+        match state::measure(subject, state, &sample, &pairs, cameras, &seen_points, settings, progress)? {
             Some(found) => measured.push(found),
             None if state.counts => {
                 return Err(BakeError::Scene {

@@ -5,7 +5,8 @@ use super::{
     coverage::Coverage,
     metrics::{MethodError, rms},
     parts::{ErrorParts, Worst},
-    state::{Leak, StateFindings},
+    seen::SeenError,
+    state::{Leak, StateFindings, View},
     steps::Steps,
     sweep::SweepFindings,
 };
@@ -37,6 +38,10 @@ pub struct Metrics {
     /// Deviation that the fit predicts, without lighting; absent for the paper's rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub predicted_error: Option<NormFigures>,
+    /// What the views show, in the first state.
+    pub views: Vec<ViewFigures>,
+    /// The lightmap at points drawn by area, in the first state.
+    pub area: SeenError,
     /// All lighting states.
     pub states: Vec<StateFigures>,
     /// Sweeps, under the first state.
@@ -64,6 +69,59 @@ pub struct StateFigures {
     pub worst: Worst,
     /// FLIP between two halves of the reference pictures.
     pub flip_noise: f64,
+    /// What the views show.
+    pub views: Vec<ViewFigures>,
+    /// The lightmap at points drawn by area.
+    pub area: SeenError,
+}
+
+/// Errors of the lightmap where a camera sees it.
+#[derive(Clone, Debug, Serialize)]
+pub struct ViewFigures {
+    /// Name of the camera.
+    pub name: String,
+    /// As in [`SeenError`], like all that follow but FLIP.
+    pub nrmse: f64,
+    /// Median relative error.
+    pub median_relative: f64,
+    /// Its 95th percentile.
+    pub p95_relative: f64,
+    /// Mean FLIP of the picture with the lightmap's light.
+    pub flip: f64,
+    /// FLIP between two halves of the reference picture.
+    pub flip_noise: f64,
+    /// Mean unseen share of the receivers that are read.
+    pub unseen: f64,
+    /// nrmse without the worst 1 % of the pixels.
+    pub nrmse_99: f64,
+    /// 99th percentile of the relative error.
+    pub p99_relative: f64,
+    /// Bias.
+    pub bias: f64,
+    /// Of the reference, over its mean.
+    pub standard_error: f64,
+    /// Pixels compared; 0 where the camera sees no lightmap texels, or no indirect light reaches those it sees.
+    pub pixels: usize,
+}
+
+impl ViewFigures {
+    fn of(view: &View) -> Self {
+        let error = &view.error;
+        Self {
+            name: view.camera.clone(),
+            nrmse: error.nrmse,
+            median_relative: error.median_relative,
+            p95_relative: error.p95_relative,
+            flip: view.flip,
+            flip_noise: view.flip_noise,
+            unseen: error.unseen,
+            nrmse_99: error.nrmse_99,
+            p99_relative: error.p99_relative,
+            bias: error.bias,
+            standard_error: error.standard_error,
+            pixels: error.points,
+        }
+    }
 }
 
 /// Work and noise of the reference.
@@ -113,6 +171,8 @@ impl StateFigures {
             errors: state.parts,
             worst: state.worst,
             flip_noise: state.flip_noise,
+            views: state.views.iter().map(ViewFigures::of).collect(),
+            area: state.area,
         }
     }
 }
@@ -137,6 +197,8 @@ impl Metrics {
             leak: first.leak,
             errors: first.errors,
             worst: first.worst,
+            views: first.views,
+            area: first.area,
             states,
             sweeps: findings.sweeps.clone(),
         }

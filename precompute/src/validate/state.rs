@@ -8,6 +8,7 @@ use super::{
     metrics::{MethodError, mean},
     parts::{ErrorParts, Worst, parts},
     path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings, luminance},
+    seen::{SeenError, SeenPoint},
     selection::{Pairs, spread, thin},
     steps::Steps,
     subject::Subject,
@@ -24,6 +25,14 @@ pub const METHODS: [&str; 5] = ["compressed", "uncompressed", "paper", "spatial"
 /// Rows of a picture, at most: a tall camera must not take all memory.
 const MOST_ROWS: u32 = 2048;
 
+/// Pixels per row of the pictures that FLIP compares, at most. With few paths per pixel FLIP is mostly noise: in the Cornell
+/// box, eight bounces, halves of a reference of 30 million paths are 0.032 apart at 480 pixels per row, 0.015 at 160.
+pub const FLIP_WIDTH: u32 = 128;
+/// Paths per pixel of those pictures before their noise is measured first.
+const FIRST_FLIP_PATHS: u32 = 512;
+/// FLIP between the halves of a reference that is smooth enough.
+pub const FLIP_NOISE: f64 = 0.01;
+
 /// Receivers whose reference is below this times the mean get no light to speak of: what they show is leak.
 const SEALED: f64 = 1e-4;
 
@@ -38,6 +47,15 @@ pub struct State {
     pub counts: bool,
 }
 
+/// Where the lightmap is compared with path tracing as it is seen, whatever the lighting.
+#[derive(Clone, Debug, Default)]
+pub struct SeenPoints {
+    /// By view.
+    pub views: Vec<Vec<SeenPoint>>,
+    /// By area.
+    pub area: Vec<SeenPoint>,
+}
+
 /// Light at receivers that get none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Leak {
@@ -49,15 +67,23 @@ pub struct Leak {
     pub max: f64,
 }
 
-/// FLIP of one view and the views' own noise.
+/// A camera's view: light, pictures, errors.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Name of the camera.
     pub camera: String,
-    /// Light of its primary rays.
+    /// Light of its primary rays, to look at.
     pub light: ViewLight,
+    /// The same of fewer pixels with many more paths, one primary ray each, for FLIP.
+    pub smooth: ViewLight,
     /// Exposure of its pictures.
     pub ev: f32,
+    /// The lightmap where the camera sees it.
+    pub error: SeenError,
+    /// FLIP of the compressed light.
+    pub flip: f64,
+    /// FLIP between two independent halves of the reference, which have twice the noise of the whole.
+    pub flip_noise: f64,
 }
 
 /// Everything measured under one lighting state.
@@ -89,7 +115,9 @@ pub struct StateFindings {
     pub leak: Leak,
     /// Views.
     pub views: Vec<View>,
-    /// FLIP between two independent halves of the reference pictures: what noise alone gives, and more.
+    /// The lightmap at points drawn by area.
+    pub area: SeenError,
+    /// Mean of [`View::flip_noise`]: what noise alone gives, and more.
     pub flip_noise: f64,
 }
 
@@ -105,6 +133,7 @@ pub fn measure(
     sample: &[u32],
     pairs: &Pairs,
     cameras: &[Camera],
+    seen_points: &SeenPoints,
     settings: &MeasureSettings,
     progress: &Progress,
 ) -> Result<Option<StateFindings>, BakeError> {
@@ -117,7 +146,19 @@ pub fn measure(
     if mean <= 0.0 || mean.is_nan() {
         return Ok(None);
     }
-    let views = views(&tracer, cameras, settings, progress)?;
+    let unseen: Vec<Vec3> = subject.view.receiver_unseen.iter().map(|&share| Vec3::splat(share)).collect();
+    let unseen = irradiance_map(subject, &unseen);
+    let seen_error = |points: &[SeenPoint]| {
+        let surface: Vec<_> = points.iter().map(|seen| seen.point).collect();
+        let reference = tracer.estimate(&surface, settings.budget, progress)?;
+        Ok::<_, BakeError>(SeenError::of(points, &lit.relit.irradiance_map, &unseen, &reference))
+    };
+    let mut views = views(&tracer, cameras, settings, progress)?;
+    for (view, points) in views.iter_mut().zip(&seen_points.views) {
+        view.error = seen_error(points)?;
+        view.flip = view.flip(&lit.relit.irradiance_map);
+    }
+    let area = seen_error(&seen_points.area)?;
 
     // Receivers that the sample, the pairs and the pictures need, each once.
     let seen = thin(&seen_receivers(subject, &views), settings.picture_receivers as usize);
@@ -167,7 +208,7 @@ pub fn measure(
         brightness_mean,
     );
     let leak = leak(&compressed, &reference.irradiance, brightness_mean);
-    let flip_noise = views.iter().map(View::flip_noise).sum::<f64>() / views.len().max(1) as f64;
+    let flip_noise = views.iter().map(|view| view.flip_noise).sum::<f64>() / views.len().max(1) as f64;
     Ok(Some(StateFindings {
         state: state.clone(),
         reference,
@@ -182,6 +223,7 @@ pub fn measure(
         steps,
         leak,
         views,
+        area,
         flip_noise,
     }))
 }
@@ -194,29 +236,43 @@ fn views(
 ) -> Result<Vec<View>, BakeError> {
     let view = |camera: &Camera| {
         let aspect = camera.aspect.filter(|aspect| (0.1..=10.0).contains(aspect)).unwrap_or(4.0 / 3.0);
-        let size = ViewSettings {
-            width: settings.picture_width,
-            height: ((settings.picture_width as f32 / aspect).round() as u32).clamp(1, MOST_ROWS),
-            rays_per_axis: 2,
-            paths: settings.picture_paths.div_ceil(4),
+        let size = |width: u32, rays_per_axis: u32, paths: u32| ViewSettings {
+            width,
+            height: ((width as f32 / aspect).round() as u32).clamp(1, MOST_ROWS),
+            rays_per_axis,
+            paths,
         };
-        let light = tracer.view(camera, size, progress)?;
-        let ev = Exposure::Auto.ev(&light.picture(|light| light.radiance(light.reference())).pixels);
-        Ok(View { camera: camera.name.clone(), light, ev })
+        let light =
+            tracer.view(camera, size(settings.picture_width, 2, settings.picture_paths.div_ceil(4)), progress)?;
+        let width = settings.picture_width.min(FLIP_WIDTH);
+        let mut paths = settings.flip_paths.min(FIRST_FLIP_PATHS);
+        let mut smooth = tracer.view(camera, size(width, 1, paths), progress)?;
+        let reference = |light: &ViewLight| light.picture(|light| light.radiance(light.reference()));
+        let ev = loop {
+            let ev = Exposure::Auto.ev(&reference(&smooth).pixels);
+            if noise(&smooth, ev) <= FLIP_NOISE || 2 * paths > settings.flip_paths {
+                break ev;
+            }
+            tracer.add_paths(&mut smooth, paths, progress)?;
+            paths *= 2;
+        };
+        let flip_noise = noise(&smooth, ev);
+        Ok(View { camera: camera.name.clone(), light, smooth, ev, error: SeenError::default(), flip: 0.0, flip_noise })
     };
     cameras.iter().map(view).collect()
+}
+
+/// FLIP between the two halves.
+fn noise(light: &ViewLight, ev: f32) -> f64 {
+    let half = |half: usize| light.picture(|light| light.radiance(light.indirect[half]));
+    mean_flip(&half(0), &half(1), ev)
 }
 
 impl View {
     /// Mean FLIP against the reference of a picture with indirect light from a map.
     pub(super) fn flip(&self, map: &CoverageMap) -> f64 {
-        let picture = self.light.picture(|light| light.radiance(sampled(map, light)));
-        mean_flip(&picture, &self.light.picture(|light| light.radiance(light.reference())), self.ev)
-    }
-
-    fn flip_noise(&self) -> f64 {
-        let half = |half: usize| self.light.picture(|light| light.radiance(light.indirect[half]));
-        mean_flip(&half(0), &half(1), self.ev)
+        let picture = self.smooth.picture(|light| light.radiance(sampled(map, light)));
+        mean_flip(&picture, &self.smooth.picture(|light| light.radiance(light.reference())), self.ev)
     }
 }
 

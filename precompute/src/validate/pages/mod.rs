@@ -23,8 +23,10 @@ pub struct Context<'a> {
     pub settings: MeasureSettings,
     /// Name of the file as given.
     pub file: String,
-    /// Largest nrmse allowed, if there is a limit.
+    /// Largest nrmse over receivers allowed, if there is a limit.
     pub max_nrmse: Option<f64>,
+    /// Largest nrmse of what a view shows allowed, if there is a limit.
+    pub max_view_nrmse: Option<f64>,
     /// Its size in bytes.
     pub file_bytes: u64,
     /// Wall time of the validation so far, seconds.

@@ -9,8 +9,8 @@ use crate::{
         StateFindings,
         flip::flip,
         metrics::MethodError,
-        path_tracer::luminance,
-        report::{Metrics, StateFigures},
+        path_tracer::{PixelLight, luminance},
+        report::{Metrics, StateFigures, ViewFigures},
         state::{View, sampled},
     },
 };
@@ -31,12 +31,59 @@ pub(super) fn section(
 ) -> Result<Section, OutputError> {
     let state = &context.findings.states[index];
     let figures = &metrics.states[index];
-    let mut blocks = vec![methods(figures)];
+    let mut blocks = vec![seen(figures), methods(figures)];
     for (number, view) in state.views.iter().enumerate() {
         blocks.extend(view_blocks(state, view, &format!("state{index}-view{number}"), folder)?);
     }
     blocks.extend(reasons(figures));
     Ok(Section { id: format!("state{index}"), title: format!("Under {}", state.state.name), blocks })
+}
+
+/// What the views show, and all surfaces by area.
+fn seen(figures: &StateFigures) -> Block {
+    let view = |view: &ViewFigures| {
+        let error = [view.nrmse, view.nrmse_99, view.median_relative, view.p95_relative, view.p99_relative];
+        row(&view.name, error, view.bias, [view.unseen, view.standard_error], view.pixels, {
+            format!("{:.4} ± {:.4}", view.flip, view.flip_noise)
+        })
+    };
+    fn row(name: &str, errors: [f64; 5], bias: f64, shares: [f64; 2], points: usize, flip: String) -> Vec<String> {
+        if points == 0 {
+            let nothing = ["0"].into_iter().chain(["–"; 9]).map(String::from);
+            return [name.to_owned()].into_iter().chain(nothing).collect();
+        }
+        let [unseen, noise] = shares.map(percent);
+        [name.to_owned(), points.to_string()]
+            .into_iter()
+            .chain(errors.map(percent))
+            .chain([signed_percent(bias), flip, unseen, noise])
+            .collect()
+    }
+    let area = &figures.area;
+    let errors = [area.nrmse, area.nrmse_99, area.median_relative, area.p95_relative, area.p99_relative];
+    let by_area = row("by area", errors, area.bias, [area.unseen, area.standard_error], area.points, "–".into());
+    let head = [
+        "seen by",
+        "points",
+        "nrmse",
+        "without worst 1 %",
+        "median",
+        "95 %",
+        "99 %",
+        "bias",
+        "FLIP",
+        "unseen",
+        "reference ±",
+    ];
+    Block::Table {
+        title: "The light as it is seen".into(),
+        head: head.map(String::from).to_vec(),
+        rows: figures.views.iter().map(view).chain([by_area]).collect(),
+        note: "The lightmap, read as an engine reads it, against path tracing at the same points. The figure beside FLIP is \
+               FLIP between two halves of the reference. Where there is no indirect light nothing is compared."
+            .into(),
+        highlight_row: None,
+    }
 }
 
 fn methods(figures: &StateFigures) -> Block {
@@ -61,7 +108,7 @@ fn methods(figures: &StateFigures) -> Block {
     };
     let errors = [&methods.compressed, &methods.uncompressed, &methods.paper, &methods.spatial, &methods.arikan];
     Block::Table {
-        title: "Errors against path tracing".into(),
+        title: "Errors over receivers against path tracing".into(),
         head: ["method", "nrmse", "median", "95 %", "99 %", "bias", "FLIP"].map(String::from).to_vec(),
         rows: names.into_iter().zip(errors).map(row).collect(),
         note: format!(
@@ -88,7 +135,12 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     ];
     let taken = |map: &CoverageMap| view.light.picture(|light| light.radiance(sampled(map, light)));
     let reference = view.light.picture(|light| light.radiance(light.reference()));
-    let difference = flip(&taken(&state.maps[0]), &reference, view.ev);
+    let smooth = |indirect: &dyn Fn(&PixelLight) -> Vec3| view.smooth.picture(|light| light.radiance(indirect(light)));
+    let difference = flip(
+        &smooth(&|light| sampled(&state.maps[0], light)),
+        &smooth(&|light: &PixelLight| light.reference()),
+        view.ev,
+    );
     let develop = |picture: &Picture, ev: f32| Rgb8Image {
         width: picture.width,
         height: picture.height,
@@ -110,12 +162,12 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     let flips = Rgb8Image {
         width: reference.width,
         height: reference.height,
-        pixels: difference.iter().flat_map(|&value| Ramp::Sequential.color(value / 0.5)).collect(),
+        pixels: enlarged(view, &difference).iter().flat_map(|&value| Ramp::Sequential.color(value / 0.5)).collect(),
     };
     images.push(NamedImage {
         name: "difference".into(),
         file: folder.picture(&format!("{name}-difference"), &flips)?,
-        caption: "FLIP of ours, yellow is 0.5 and above".into(),
+        caption: "FLIP of ours at fewer pixels, yellow is 0.5 and above".into(),
     });
 
     // Indirect light alone.
@@ -135,7 +187,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     let map = HeatMap {
         width: view.light.width,
         height: view.light.height,
-        values: &errors,
+        values: &enlarged(view, &errors),
         background: NOTHING,
         title: "Error of the indirect irradiance",
         unit: "share of the mean",
@@ -159,7 +211,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
             images: vec![NamedImage {
                 name: "error".into(),
                 file: heat,
-                caption: "(ours − reference) / mean reference, luminance: blue is too dark, red too bright. Grain is noise of the reference."
+                caption: "(ours − reference) / mean reference, luminance: blue is too dark, red too bright. Grain is noise of the reference. Fewer pixels than above."
                     .into(),
             }],
             columns: 1,
@@ -167,13 +219,24 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     ])
 }
 
-/// `(E - E_ref) / mean E_ref` of luminance per pixel.
+/// Values per pixel of a view's smooth picture at the pixels of its large one.
+fn enlarged(view: &View, values: &[f32]) -> Vec<f32> {
+    let (large, small) = (&view.light, &view.smooth);
+    let at = |index: u32| {
+        let (x, y) = (index % large.width, index / large.width);
+        values[(y * small.height / large.height * small.width + x * small.width / large.width) as usize]
+    };
+    (0..large.width * large.height).map(at).collect()
+}
+
+/// `(E - E_ref) / mean E_ref` of luminance per pixel of the smooth picture.
 fn relative_error(state: &StateFindings, view: &View) -> Vec<f32> {
     let brightness = |color: Vec3| luminance(color.as_dvec3());
     let references = state.reference.irradiance.iter().map(|&color| brightness(color));
     let mean = references.sum::<f64>() / state.reference.irradiance.len().max(1) as f64;
-    view.light.values(|light| {
-        light.uv?;
+    view.smooth.values(|light| {
+        // A black surface reflects nothing, and its light is not traced.
+        light.uv.and(light.point)?;
         Some(((brightness(sampled(&state.maps[0], light)) - brightness(light.reference())) / mean) as f32)
     })
 }

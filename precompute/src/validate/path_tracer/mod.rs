@@ -30,7 +30,7 @@ use crate::{
 use glam::Vec3;
 use lamps::{FoundByCosine, Lamps};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
-use localprt_scenes::{Lighting, SurfaceShading};
+use localprt_scenes::{Lighting, Scene, SurfaceShading};
 use sky::SkySampler;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -43,6 +43,17 @@ pub struct SurfacePoint {
     pub normal: Vec3,
     /// Unit geometric normal: directions below its horizon bring nothing.
     pub geometric_normal: Vec3,
+}
+
+impl SurfacePoint {
+    /// A hit as a point that receives light on the side the ray came from.
+    pub fn of_hit(scene: &Scene, hit: &SurfaceHit) -> Self {
+        let normal =
+            hit.point.map_or(hit.normal, |face| scene.shading_normal(face.mesh, face.triangle, face.barycentrics));
+        // The other side of a double-sided face.
+        let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
+        Self { position: hit.position, normal, geometric_normal: hit.normal }
+    }
 }
 
 /// A path tracer for one lighting state.
@@ -131,7 +142,7 @@ impl<'a> PathTracer<'a> {
             }
             // pi from the density, albedo / pi from the reflection.
             weight *= self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
-            point = self.surface_point(&hit);
+            point = SurfacePoint::of_hit(self.caster.scene(), &hit);
             let found = FoundByCosine { density: by_cosine, distance: hit.t, cosine: hit.normal.dot(dir) };
             let (direct, shadow_rays) = self.direct(&point, found, random);
             sum += weight * direct;
@@ -148,16 +159,6 @@ impl<'a> PathTracer<'a> {
             square = random.pair();
         }
         (sum, rays)
-    }
-
-    /// A hit as a point that receives light on the side the ray came from.
-    fn surface_point(&self, hit: &SurfaceHit) -> SurfacePoint {
-        let normal = hit
-            .point
-            .map_or(hit.normal, |face| self.caster.scene().shading_normal(face.mesh, face.triangle, face.barycentrics));
-        // The other side of a double-sided face.
-        let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
-        SurfacePoint { position: hit.position, normal, geometric_normal: hit.normal }
     }
 
     /// Irradiance from one point of an emissive triangle, weighted against sampling by the cosine.

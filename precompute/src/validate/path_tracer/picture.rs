@@ -3,7 +3,7 @@
 //! The parts of the light are kept apart, so that pictures made by other means of indirect light share primary hits,
 //! direct light and surfaces with the reference, and differ from it by indirect light alone.
 
-use super::PathTracer;
+use super::{PathTracer, SurfacePoint};
 use crate::picture::{Picture, camera_dir};
 use crate::progress::{Cancelled, Progress};
 use glam::{DVec3, Vec2, Vec3, Vec4Swizzles};
@@ -37,6 +37,8 @@ pub struct PixelLight {
     pub uv: Option<Vec2>,
     /// World position of the point.
     pub position: Vec3,
+    /// The point as one that receives light; `None` where no light is reflected.
+    pub point: Option<SurfacePoint>,
 }
 
 /// A view: `[height][width][rays per pixel]`.
@@ -50,6 +52,10 @@ pub struct ViewLight {
     pub per_pixel: usize,
     /// Pixel by pixel.
     pub rays: Vec<PixelLight>,
+    /// Paths per primary ray so far, in each half.
+    half: u32,
+    /// Lattices per primary ray so far, in each half.
+    batches: u64,
 }
 
 impl ViewLight {
@@ -91,45 +97,74 @@ impl PathTracer<'_> {
     /// # Errors
     /// [`Cancelled`].
     pub fn view(&self, camera: &Camera, settings: ViewSettings, progress: &Progress) -> Result<ViewLight, Cancelled> {
-        let stage = progress.stage("reference picture", settings.height.into());
         let per_axis = settings.rays_per_axis.max(1);
         let per_pixel = per_axis * per_axis;
         let row = |y: u32| -> Vec<PixelLight> {
             let mut rays = Vec::with_capacity((settings.width * per_pixel) as usize);
-            if progress.is_cancelled() {
-                return rays;
-            }
             for x in 0..settings.width {
                 for sub in 0..per_pixel {
                     let step = |sub: u32| (sub as f32 + 0.5) / per_axis as f32;
                     let u = (x as f32 + step(sub % per_axis)) / settings.width as f32;
                     let v = (y as f32 + step(sub / per_axis)) / settings.height as f32;
                     let dir = camera_dir(camera, u, v, settings.width as f32 / settings.height as f32);
-                    // Streams of pictures lie apart from those of receivers, which are numbered with 32 bits.
-                    let stream = (1 << 40) + u64::from((y * settings.width + x) * per_pixel + sub);
-                    rays.push(self.primary(camera.to_world.w_axis.xyz(), dir, stream, settings.paths));
+                    rays.push(self.primary(camera.to_world.w_axis.xyz(), dir));
                 }
             }
-            stage.inc(1);
             rays
         };
         let rows: Vec<Vec<PixelLight>> = (0..settings.height).into_par_iter().map(row).collect();
         progress.check()?;
-        Ok(ViewLight {
+        let mut view = ViewLight {
             width: settings.width,
             height: settings.height,
             per_pixel: per_pixel as usize,
             rays: rows.concat(),
-        })
+            half: 0,
+            batches: 0,
+        };
+        self.add_paths(&mut view, settings.paths, progress)?;
+        Ok(view)
     }
 
-    fn primary(&self, origin: Vec3, dir: Vec3, stream: u64, paths: u32) -> PixelLight {
+    /// Adds paths to every primary ray of a view, half of them to each of its two estimates, in one lattice: few large
+    /// rounds converge faster than many small ones.
+    ///
+    /// # Errors
+    /// [`Cancelled`]; the view is then without use.
+    pub fn add_paths(&self, view: &mut ViewLight, paths: u32, progress: &Progress) -> Result<(), Cancelled> {
+        let half = (paths / 2).max(1);
+        let stage = progress.stage(&format!("reference picture, {} paths", 2 * (view.half + half)), view.height.into());
+        let share = half as f32 / (view.half + half) as f32;
+        let batches = view.batches;
+        let row = view.width as usize * view.per_pixel;
+        view.rays.par_chunks_mut(row.max(1)).enumerate().for_each(|(y, rays)| {
+            if progress.is_cancelled() {
+                return;
+            }
+            for (x, ray) in rays.iter_mut().enumerate() {
+                let Some(point) = ray.point else { continue };
+                // Streams of pictures lie apart from those of receivers, which are numbered with 32 bits.
+                let stream = (1 << 40) + (y * row + x) as u64;
+                for (number, held) in ray.indirect.iter_mut().enumerate() {
+                    let fresh = self.batch(point, stream, 2 * batches + number as u64, half).0.as_vec3();
+                    *held = held.lerp(fresh, share);
+                }
+            }
+            stage.inc(1);
+        });
+        progress.check()?;
+        view.half += half;
+        view.batches += 1;
+        Ok(())
+    }
+
+    fn primary(&self, origin: Vec3, dir: Vec3) -> PixelLight {
         let scene = self.caster.scene();
         let Some(hit) = self.caster.closest_hit(origin, dir) else {
             return PixelLight { other: self.lighting.sky.radiance(dir), ..PixelLight::default() };
         };
         let Some(face) = hit.point else { return PixelLight { position: hit.position, ..PixelLight::default() } };
-        let point = self.surface_point(&hit);
+        let point = SurfacePoint::of_hit(scene, &hit);
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
         let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
         // All lights, so that a picture's direct light has no noise.
@@ -146,8 +181,14 @@ impl PathTracer<'_> {
             let corners = mesh.triangles[face.triangle].map(|vertex| set[vertex as usize]);
             corners[0] * face.barycentrics.x + corners[1] * face.barycentrics.y + corners[2] * face.barycentrics.z
         });
-        let half = (paths / 2).max(1);
-        let indirect = [0, 1].map(|batch| self.batch(point, stream, batch, half).0.as_vec3());
-        PixelLight { other: emission + albedo / PI * direct, albedo, indirect, uv, position: hit.position }
+        let reflects = albedo != Vec3::ZERO;
+        PixelLight {
+            other: emission + albedo / PI * direct,
+            albedo,
+            indirect: [Vec3::ZERO; 2],
+            uv,
+            position: hit.position,
+            point: reflects.then_some(point),
+        }
     }
 }
