@@ -163,8 +163,8 @@ pub fn warnings(views: &[ViewFacts]) -> Vec<String> {
     let most = views.iter().map(|view| view.reach).fold(0.0, f64::max);
     if !views.is_empty() && most < LEAST_IN_REACH {
         warnings.push(format!(
-            "only {:.0} % of the receivers are within the reach of a camera: leave out what is far away (node extras \
-             {{\"localprt\": {{\"bake\": false}}}}), or give --focus x,y,z,radius where people look",
+            "only {:.0} % of the receivers are within the reach of a camera: give --focus x,y,z,radius where people look, or leave \
+             out what is far away",
             100.0 * most
         ));
     }
