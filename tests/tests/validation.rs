@@ -113,7 +113,7 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
 fn viewpoints_stand_in_the_open_and_differ() {
     let mut room = scene("two-rooms");
     room.cameras.clear();
-    let settings = BakeSettings { probes: Some(24), lightmap: 64, ..small_settings() };
+    let settings = BakeSettings { probes: Some(24), lightmap: Some(64), ..small_settings() };
     let baked = bake(room, &settings);
     let caster = RayCaster::new(&baked.scene).expect("a tree");
     let subject = Subject::new(baked.arrays.view(), &caster, &Progress::silent()).expect("the scene fits the file");

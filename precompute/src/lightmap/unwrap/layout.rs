@@ -60,6 +60,9 @@ struct Dealt {
     of: Vec<Holder>,
 }
 
+/// Where small charts may be joined: binary logarithm of a cell's edge, the cell, and axis and sign of the way they face.
+type Cell = (i32, [i32; 3], usize);
+
 enum Holder {
     /// An island as it is.
     Island(usize),
@@ -173,7 +176,7 @@ impl Charts {
             finest_m.map_or(wanted_m, |finest_m| wanted_m.clamp(finest_m, RANGE * finest_m))
         };
         let mut dealt = Dealt { charts: Vec::new(), of: Vec::new() };
-        let mut small: BTreeMap<(i32, [i32; 3], usize), Vec<usize>> = BTreeMap::new();
+        let mut small: BTreeMap<Cell, Vec<usize>> = BTreeMap::new();
         for (index, island) in self.islands.iter().enumerate() {
             let texel_m = texel_m(island);
             if island.area_m2 >= least_texels * f64::from(texel_m).powi(2) {
@@ -188,7 +191,7 @@ impl Charts {
             let facing = 2 * axis + usize::from(island.normal[axis] > 0.0);
             small.entry((octave, cell.to_array(), facing)).or_default().push(index);
         }
-        let cells: Vec<((i32, [i32; 3], usize), Vec<usize>)> = small.into_iter().collect();
+        let cells: Vec<(Cell, Vec<usize>)> = small.into_iter().collect();
         let joined: Vec<Vec<Vec<usize>>> = cells
             .par_iter()
             .map(|((octave, ..), members)| self.join(caster, JOINED_ABOVE * 2.0f32.powi(*octave), members))
