@@ -78,24 +78,11 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     let bounds = scene.bounds().unwrap_or_default();
     let rho = voxels::spacing(bounds, settings);
     let volume_grid = volume_grid(bounds, settings)?;
-    let (grid, scale, laid_out) = {
+    let (space, laid_out) = {
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
-        let mut scale = {
-            let _stage = progress.stage("local scale", 0);
-            local_scale(&caster, settings)
-        };
-        progress.check()?;
-        let grid = {
-            let _stage = progress.stage("voxelize", 0);
-            VoxelGrid::build(&scene, &caster, rho, &scale, settings).map_err(voxel_error)?
-        };
-        if !scale.is_uniform() {
-            let hits = scale::importance(&scale, &grid, &caster);
-            scale.look(&scene, &hits);
-        }
-        progress.check()?;
-        let laid_out = lay_out(&scene, &caster, &grid, &scale, settings, progress)?;
-        (grid, scale, laid_out)
+        let space = Space::of(&caster, rho, settings, progress)?;
+        let laid_out = lay_out(&scene, &caster, &space, settings, progress)?;
+        (space, laid_out)
     };
     progress.check()?;
 
@@ -103,6 +90,9 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     let LaidOut { scene, layout, receivers } = laid_out;
     let caster = RayCaster::new(&scene).map_err(tree_error)?;
     let atlas = Atlas::of(&scene);
+    // Of the scene as it is written, with its cut and split faces: baked again from there, it gets the same probes.
+    let Space { grid, scale } =
+        if layout.kept || space.scale.is_uniform() { space } else { Space::of(&caster, rho, settings, progress)? };
     if receivers.is_empty() {
         return Err(BakeError::Scene {
             what: "no texel of the lightmap is a receiver: every surface lies inside or behind geometry".into(),
@@ -242,6 +232,31 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
 }
 
+/// What is known of the space around the surfaces.
+struct Space {
+    grid: VoxelGrid,
+    scale: LocalScale,
+}
+
+impl Space {
+    fn of(caster: &RayCaster<'_>, rho: f32, settings: &BakeSettings, progress: &Progress) -> Result<Self, BakeError> {
+        let scene = caster.scene();
+        let mut scale = {
+            let _stage = progress.stage("local scale", 0);
+            local_scale(caster, settings)
+        };
+        progress.check()?;
+        let _stage = progress.stage("voxelize", 0);
+        let grid = VoxelGrid::build(scene, caster, rho, &scale, settings).map_err(voxel_error)?;
+        if !scale.is_uniform() {
+            let hits = scale::importance(&scale, &grid, caster);
+            scale.look(scene, &hits);
+        }
+        progress.check()?;
+        Ok(Self { grid, scale })
+    }
+}
+
 /// R of a scene, as the settings ask for it.
 fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
     if settings.density == Density::Uniform {
@@ -264,8 +279,7 @@ struct LaidOut {
 fn lay_out(
     scene: &Scene,
     caster: &RayCaster<'_>,
-    grid: &VoxelGrid,
-    scale: &LocalScale,
+    Space { grid, scale }: &Space,
     settings: &BakeSettings,
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {
