@@ -2,7 +2,7 @@
 //!
 //! R(x) is the harmonic mean of the distances that rays from x meet (Ward, Rubinstein and Clear 1988), no larger than at any
 //! other sample plus the way to it (neighbor clamping, Křivánek et al. 2006). It is measured once, on few samples of the
-//! surfaces ([`samples`]), and defined everywhere by the same rule:
+//! surfaces ([`measure`]), and defined everywhere by the same rule:
 //!
 //! ```text
 //! R(x) = min over samples i of R_i + |x - p_i|
