@@ -41,8 +41,7 @@ const POWERS: [f32; 2] = [4.0 / 6.0, -1.0 / 6.0];
 /// crevices that hardly anybody sees into.
 const FINEST_SHARE: [f64; 2] = [0.1, 0.5];
 /// Probes are spread evenly where the scale is less than this many times the finest that they follow: across a room, more of them
-/// in its corners take more from its middle than they give. (The Cornell box, 150 probes, nrmse by area: 0.042, 0.036 and 0.033 at
-/// 1, 2 and 4; evenly 0.036.)
+/// in its corners take more from its middle than they give.
 const EVEN: f32 = 4.0;
 /// Hits that every face has beside those that it got.
 pub const LEAST_SEEN: f64 = 0.1;
