@@ -2,9 +2,10 @@
 
 use crate::{
     lightmap::{Atlas, ReceiverSet},
+    picture::camera_dir,
     probes::ProbeSet,
     rays::RayCaster,
-    report::{TexelFacts, ViewFacts},
+    report::{BudgetFacts, TexelFacts, ViewFacts, median},
 };
 use glam::{Mat4, Vec3};
 use localprt_formats::directions::spherical_fibonacci;
@@ -20,8 +21,8 @@ const ASPECT: f32 = 16.0 / 9.0;
 /// A texel is coarse where its edge is more than this share of its distance: two degrees.
 const COARSE: f32 = 1.0 / 30.0;
 /// Rays around a camera that tell how far it reaches, and the share of them that is within.
-const RAYS_AROUND: u32 = 256;
-const WITHIN: f64 = 0.9;
+const RAYS_AROUND: u32 = 1024;
+const WITHIN: f64 = 0.95;
 /// Warned of: less than this share of the receivers within reach of the views...
 const LEAST_IN_REACH: f64 = 0.5;
 /// ...more than this share of a picture coarse...
@@ -41,16 +42,28 @@ pub struct Spent<'a> {
     pub probes: &'a ProbeSet,
     /// `[n_receivers]` unseen share of each.
     pub unseen: &'a [f32],
+    /// Texels of the direct light map that relight rays may read.
+    pub direct_texels: usize,
 }
 
 impl Spent<'_> {
-    /// Edges of the receivers' texels.
-    pub fn texels(&self) -> TexelFacts {
-        let of_chart = self.chart_texels();
-        let mut edges: Vec<f32> = self.receivers.chart.iter().map(|&chart| of_chart[chart as usize]).collect();
-        edges.sort_unstable_by(f32::total_cmp);
-        let at = |index: usize| edges.get(index).copied().unwrap_or_default();
-        TexelFacts { finest: at(0), median: at(edges.len() / 2), coarsest: at(edges.len().saturating_sub(1)) }
+    /// Where it went, of `asked` receivers.
+    pub fn facts(&self, asked: u32) -> BudgetFacts {
+        let edges = self.chart_texels();
+        let of_receivers = || self.receivers.chart.iter().map(|&chart| edges[chart as usize]);
+        let cameras = &self.caster.scene().cameras;
+        BudgetFacts {
+            receivers_asked: asked,
+            texel: TexelFacts {
+                finest: of_receivers().reduce(f32::min).unwrap_or_default(),
+                median: median(of_receivers()),
+                coarsest: of_receivers().reduce(f32::max).unwrap_or_default(),
+            },
+            map_used: (self.receivers.len() + self.receivers.invalid.len()) as f64
+                / f64::from(self.receivers.size.max(1)).powi(2),
+            texels_per_receiver: self.direct_texels as f64 / self.receivers.len().max(1) as f64,
+            views: cameras.iter().take(MOST_VIEWS).map(|camera| self.view(camera, &edges)).collect(),
+        }
     }
 
     /// Mean edge of the texels of each chart, metres.
@@ -62,35 +75,26 @@ impl Spent<'_> {
             let on_map = (b - a).perp_dot(c - a).abs();
             // Faces in one point of the map share the texels of others.
             if on_map > 0.0 {
-                let [a, b, c] = scene.corners(mesh, triangle).map(Vec3::as_dvec3);
                 let sums = &mut areas[self.atlas.chart[face] as usize];
-                *sums = (sums.0 + (b - a).cross(c - a).length(), sums.1 + on_map);
+                *sums = (sums.0 + 2.0 * scene.area_m2(mesh, triangle), sums.1 + on_map);
             }
         }
         let edge = |(area, on_map): &(f64, f64)| ((area / on_map).sqrt() / f64::from(self.receivers.size)) as f32;
         areas.iter().map(|sums| if sums.1 > 0.0 { edge(sums) } else { 0.0 }).collect()
     }
 
-    /// What the scene's cameras see.
-    pub fn views(&self) -> Vec<ViewFacts> {
-        let texels = self.chart_texels();
-        let cameras = &self.caster.scene().cameras;
-        cameras.iter().take(MOST_VIEWS).map(|camera| self.view(camera, &texels)).collect()
-    }
-
+    /// What a camera sees; `texels` are the edges of each chart's.
     fn view(&self, camera: &Camera, texels: &[f32]) -> ViewFacts {
         let lens = Lens::of(camera);
         let [across, down] = RAYS;
         let seen: Vec<(f32, f32)> = (0..across * down)
             .filter_map(|index| {
-                let x = 2.0 * ((index % across) as f32 + 0.5) / across as f32 - 1.0;
-                let y = 2.0 * ((index / across) as f32 + 0.5) / down as f32 - 1.0;
-                let hit = self.caster.closest_hit(lens.eye, lens.dir(x, y))?;
+                let [u, v] = [(index % across) as f32 + 0.5, (index / across) as f32 + 0.5];
+                let dir = camera_dir(camera, u / across as f32, v / down as f32, lens.aspect);
+                let hit = self.caster.closest_hit(lens.eye, dir)?;
                 Some((texels[self.atlas.chart[hit.point?.face.0 as usize] as usize], hit.t))
             })
             .collect();
-        let mut edges: Vec<f32> = seen.iter().map(|pixel| pixel.0).collect();
-        edges.sort_unstable_by(f32::total_cmp);
         let coarse = seen.iter().filter(|(texel_m, distance)| *texel_m > COARSE * distance).count();
         let offset_m = self.caster.offset_m();
         let receivers: Vec<usize> = (0..self.receivers.len())
@@ -109,7 +113,7 @@ impl Spent<'_> {
         let near = self.receivers.position.iter().filter(|position| position.distance(lens.eye) <= reach_m).count();
         ViewFacts {
             name: camera.name.clone(),
-            texel_median: edges.get(edges.len() / 2).copied().unwrap_or_default(),
+            texel_median: median(seen.iter().map(|pixel| pixel.0)),
             receivers: receivers.len() as u64,
             probes: probes as u64,
             coarse: coarse as f64 / seen.len().max(1) as f64,
@@ -130,30 +134,27 @@ impl Spent<'_> {
 /// A camera's frustum.
 struct Lens {
     eye: Vec3,
-    to_world: Mat4,
     to_camera: Mat4,
-    half: [f32; 2],
+    /// Width over height.
+    aspect: f32,
+    /// Half height at distance 1.
+    half: f32,
 }
 
 impl Lens {
     fn of(camera: &Camera) -> Self {
-        let half = (0.5 * camera.fov_y).tan();
         Self {
             eye: camera.to_world.w_axis.truncate(),
-            to_world: camera.to_world,
             to_camera: camera.to_world.inverse(),
-            half: [half * camera.aspect.unwrap_or(ASPECT), half],
+            aspect: camera.aspect.unwrap_or(ASPECT),
+            half: (0.5 * camera.fov_y).tan(),
         }
-    }
-
-    /// Direction through a place of the picture, -1..=1 on both axes.
-    fn dir(&self, x: f32, y: f32) -> Vec3 {
-        self.to_world.transform_vector3(Vec3::new(x * self.half[0], y * self.half[1], -1.0)).normalize()
     }
 
     fn holds(&self, position: Vec3) -> bool {
         let local = self.to_camera.transform_point3(position);
-        local.z < 0.0 && local.x.abs() <= -local.z * self.half[0] && local.y.abs() <= -local.z * self.half[1]
+        let half = -local.z * self.half;
+        local.z < 0.0 && local.x.abs() <= half * self.aspect && local.y.abs() <= half
     }
 }
 
@@ -211,9 +212,10 @@ mod tests {
     #[test]
     fn a_lens_holds_what_it_looks_at() {
         let to_world = Mat4::from_translation(Vec3::new(0.0, 1.0, 5.0));
-        let lens = Lens::of(&Camera { name: "c".into(), to_world, fov_y: 1.0, aspect: Some(1.0) });
+        let camera = Camera { name: "c".into(), to_world, fov_y: 1.0, aspect: Some(1.5) };
+        let lens = Lens::of(&camera);
         assert!(lens.holds(Vec3::Y) && !lens.holds(Vec3::new(0.0, 1.0, 9.0)) && !lens.holds(Vec3::new(9.0, 1.0, 0.0)));
-        let corner = lens.eye + 3.0 * lens.dir(0.99, -0.99);
-        assert!(lens.holds(corner) && !lens.holds(lens.eye + 3.0 * lens.dir(1.01, 0.0)));
+        let through = |u, v| lens.eye + 3.0 * camera_dir(&camera, u, v, lens.aspect);
+        assert!(lens.holds(through(0.99, 0.01)) && !lens.holds(through(1.01, 0.5)) && !lens.holds(through(0.5, -0.01)));
     }
 }

@@ -50,8 +50,6 @@ pub struct RelightCounts {
     pub black: u64,
     /// A face that no texel near by belongs to: black.
     pub unmapped: u64,
-    /// Texels of the direct light map that they may read.
-    pub texels: u64,
 }
 
 /// Traces the relight rays of all probes. `direct` is the layout covered at the size of the direct light map.
@@ -104,9 +102,7 @@ pub fn trace(
             seen
         })
         .collect();
-    let counts = RelightCounts { texels: direct.texels.len() as u64, ..RelightCounts::default() };
     let mut rays = RelightRays {
-        counts,
         dirs: dirs.iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect(),
         sh: table,
         ..RelightRays::default()

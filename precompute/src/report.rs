@@ -170,8 +170,6 @@ pub struct AtlasFacts {
     pub direct_map: u32,
     /// Charts.
     pub charts: u64,
-    /// Share of the receiver map that faces touch.
-    pub map_used: f64,
     /// Faces added for the back sides of double-sided surfaces.
     pub back_faces: u64,
     /// Receiver texels that a face covers.
@@ -342,6 +340,13 @@ pub fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?;
     Some(kibibytes.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Median, the upper of two; 0 of nothing.
+pub fn median(values: impl IntoIterator<Item = f32>) -> f32 {
+    let mut sorted: Vec<f32> = values.into_iter().collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
 /// Bytes as lower-case hexadecimal digits.

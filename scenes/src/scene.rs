@@ -228,6 +228,12 @@ impl Scene {
         mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
     }
 
+    /// Area of a triangle, square metres.
+    pub fn area_m2(&self, mesh: usize, triangle: usize) -> f64 {
+        let [a, b, c] = self.corners(mesh, triangle).map(Vec3::as_dvec3);
+        0.5 * (b - a).cross(c - a).length()
+    }
+
     /// Linear base colour with alpha at a point of a triangle: factor x texture x vertex colour.
     pub fn base_color(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> Vec4 {
         let mesh = &self.meshes[mesh];

@@ -2,10 +2,10 @@
 
 use super::{grouped, print_data, size, to_json};
 use crate::cli;
-use localprt_formats::{Baked, Probe};
+use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::report::{Unseen, VolumeFacts, hex};
+use localprt_precompute::report::{Unseen, VolumeFacts, hex, median};
 use localprt_precompute::settings::BakeSettings;
 use serde::Serialize;
 use serde_json::Value;
@@ -136,7 +136,7 @@ impl Facts {
             },
             receivers,
             probes: view.probes.len(),
-            radius: median_radius_m(view.probes),
+            radius: median(view.probes.iter().map(|probe| probe.support_radius_m)),
             clusters: view.clusters.len(),
             lightmap: metadata.lightmap_size,
             direct_map: metadata.direct_size,
@@ -249,10 +249,4 @@ impl Facts {
         }
         text
     }
-}
-/// Median of the support radii, metres; 0 without probes.
-fn median_radius_m(probes: &[Probe]) -> f32 {
-    let mut radii: Vec<f32> = probes.iter().map(|probe| probe.support_radius_m).collect();
-    radii.sort_unstable_by(f32::total_cmp);
-    radii.get(radii.len() / 2).copied().unwrap_or_default()
 }

@@ -52,6 +52,17 @@ impl Atlas {
     }
 }
 
+impl Atlas {
+    /// `[n_faces]` whether the face's chart has an area in the map, and so texels; the face itself may be one point of it.
+    pub fn faces_with_texels(&self) -> Vec<bool> {
+        let mut has_area = vec![false; self.n_charts as usize];
+        for (uv, &chart) in self.corners.iter().zip(&self.chart) {
+            has_area[chart as usize] |= (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) != 0.0;
+        }
+        self.chart.iter().map(|&chart| has_area[chart as usize]).collect()
+    }
+}
+
 /// Joins faces that lie in one point of the map with the lowest face with area that has a corner there.
 fn join_points(corners: &[[Vec2; 3]], sets: &mut Sets) {
     let is_point = |uv: &[Vec2; 3]| uv[0] == uv[1] && uv[1] == uv[2];

@@ -141,9 +141,8 @@ fn bisect(mesh: &mut Mesh, marked: &HashSet<EdgeKey>) -> usize {
         }
         let mut waiting = vec![turned(triangle, start)];
         while let Some([a, b, c]) = waiting.pop() {
-            let cut = [[a, b, c], [b, c, a], [c, a, b]]
-                .into_iter()
-                .find(|&[from, to, _]| is_marked(mesh, marked, &middles, from, to));
+            let turns = [[a, b, c], [b, c, a], [c, a, b]];
+            let cut = turns.into_iter().find(|&[from, to, _]| marked.contains(&edge(mesh, from, to)));
             let Some([from, to, opposite]) = cut else {
                 parts.push([a, b, c]);
                 continue;
@@ -162,10 +161,6 @@ fn bisect(mesh: &mut Mesh, marked: &HashSet<EdgeKey>) -> usize {
 
 fn turned(triangle: [u32; 3], start: usize) -> [u32; 3] {
     [0, 1, 2].map(|corner| triangle[(corner + start) % 3])
-}
-
-fn is_marked(mesh: &Mesh, marked: &HashSet<EdgeKey>, middles: &HashMap<[u32; 2], u32>, from: u32, to: u32) -> bool {
-    middles.contains_key(&[from.min(to), from.max(to)]) || marked.contains(&edge(mesh, from, to))
 }
 
 /// The vertex in the middle of an edge.
@@ -214,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_plain_is_cut_around_what_stands_on_it_and_stays_closed() {
-        // Two meshes that share an edge, and a masked uv set that must stay linear.
+        // Two meshes that share an edge, and texture coordinates that must stay linear.
         let mut left = plane("left", Vec3::new(-100.0, 0.0, -100.0), Vec3::X * 100.0, Vec3::Z * 200.0, 1, 1);
         left.uv_sets = vec![left.positions.iter().map(|p| Vec2::new(p.x, p.z)).collect()];
         let right = plane("right", Vec3::new(0.0, 0.0, -100.0), Vec3::X * 100.0, Vec3::Z * 200.0, 1, 1);

@@ -8,8 +8,6 @@ use crate::{
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Candidates stay this share of the free space above their surface away from either end.
-const MIDDLE: f32 = 0.5;
 /// Least distance to surfaces, as a share of the distance that was wanted.
 const CLEARANCE: f32 = 0.25;
 /// Probes that do not see each other count as this many times farther apart: each side of a wall needs its own.
@@ -18,8 +16,6 @@ const UNSEEN_DISTANCE: f32 = 1.5;
 const MOST_PAIRS: usize = 60_000_000;
 /// Candidates stand no higher above a surface than this many spacings.
 const MOST_UP: f32 = 2.0;
-/// Free space is looked for this far above a surface, in distances wanted.
-const LOOK_UP: f32 = 2.0;
 
 /// Possible probe positions and what their distances from others are in proportion to.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +29,8 @@ pub(super) struct ScaledCandidates {
 }
 
 /// Candidates off the surfaces whose scale was measured: at `standoff` times the spacing that `target` probes will have there, and in
-/// the middle of the space above if it is not much wider. Not those behind surfaces, too close to others, or in enclosed space. In a fixed order.
+/// the middle of the space above if that is not far up. Not those behind surfaces, too close to others, or in enclosed space. In a
+/// fixed order.
 pub(super) fn candidates(
     scale: &LocalScale,
     grid: &VoxelGrid,
@@ -53,27 +50,17 @@ pub(super) fn candidates(
         .map(|(index, sample)| {
             let spacing = scale.spacing(index);
             let wanted_m = standoff * unit_m * spacing;
-            let origin = sample.position + sample.normal * caster.offset_m();
-            let free_m = caster.closest_hit(origin, sample.normal).map_or(f32::INFINITY, |hit| hit.t);
-            let is_narrow = free_m < LOOK_UP * wanted_m;
-            let heights = if is_narrow { [Some(MIDDLE * free_m), None] } else { [wanted_m, MIDDLE * free_m].map(Some) };
-            let is_good = |height_m: f32| {
+            let middle_m = 0.5 * caster.free_above(sample.position, sample.normal);
+            let is_good = |&height_m: &f32| {
                 let position = sample.position + sample.normal * height_m;
-                let around = surroundings(caster, position);
-                (around.hits > 0
-                    && !around.is_behind()
-                    && around.clearance_m >= CLEARANCE * height_m.min(wanted_m)
-                    && grid.at(position) != Some(Voxel::Enclosed))
-                .then_some((position, spacing))
+                surroundings(caster, position).is_open(CLEARANCE * height_m.min(wanted_m))
+                    && grid.at(position) != Some(Voxel::Enclosed)
             };
-            // The middle of what is not wider than a few spacings.
-            let most_m = MOST_UP * unit_m * spacing;
-            heights
-                .into_iter()
-                .flatten()
-                .filter(|&height_m| height_m <= most_m.max(wanted_m))
-                .filter_map(is_good)
-                .collect()
+            // Off the surface where there is room, and in the middle of the space above where that is not far up.
+            let off = (wanted_m < middle_m).then_some(wanted_m);
+            let middle = (middle_m <= MOST_UP * unit_m * spacing).then_some(middle_m);
+            let heights = off.into_iter().chain(middle).filter(is_good);
+            heights.map(|height_m| (sample.position + sample.normal * height_m, spacing)).collect()
         })
         .collect();
     let rejected = found.iter().filter(|found| found.is_empty()).count();

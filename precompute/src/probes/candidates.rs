@@ -140,8 +140,6 @@ fn good_position(grid: &VoxelGrid, caster: &RayCaster, voxel: u32, seed: u64) ->
             if attempt == 0 { 0.0 } else { 0.75 * (uniform - 0.5) * grid.voxel_m }
         };
         let position = center + Vec3::new(offset(0), offset(1), offset(2));
-        let found = surroundings(caster, position);
-        let good = found.hits > 0 && !found.is_behind() && found.clearance_m >= CLEARANCE * grid.voxel_m;
-        good.then_some(position)
+        surroundings(caster, position).is_open(CLEARANCE * grid.voxel_m).then_some(position)
     })
 }

@@ -42,15 +42,6 @@ pub struct ProbeSet {
     pub radius_m: Vec<f32>,
 }
 
-impl ProbeSet {
-    /// Median of the radii, metres; 0 without probes.
-    pub fn median_radius_m(&self) -> f32 {
-        let mut radii = self.radius_m.clone();
-        radii.sort_unstable_by(f32::total_cmp);
-        radii.get(radii.len() / 2).copied().unwrap_or_default()
-    }
-}
-
 /// Supporting probes of every receiver, and how much they count there.
 ///
 /// A receiver with too few probes enlarges their radii for itself; see [`support`].

@@ -136,6 +136,11 @@ impl<'a> RayCaster<'a> {
         Some(self.surface(&hit))
     }
 
+    /// Free space above a surface point along its normal, metres; infinite where nothing is above.
+    pub fn free_above(&self, position: Vec3, normal: Vec3) -> f32 {
+        self.closest_hit(position + normal * self.offset_m, normal).map_or(f32::INFINITY, |hit| hit.t)
+    }
+
     /// Whether the straight line between two points is free. Both should be off the surfaces they belong to by
     /// [`RayCaster::offset_m`] along the normal.
     pub fn visible(&self, from: Vec3, to: Vec3) -> bool {

@@ -1,4 +1,4 @@
-//! How much people see of each face: hits of rays from where they may stand.
+//! How much people see of each face: hits of rays from where they may stand. In: a scene's scale, voxels and rays; out: a count a face.
 //!
 //! Viewpoints stand off the surfaces where there is detail, and at the scene's cameras; rays leave them evenly in all directions. What
 //! nobody sees, inside of furniture or far away on a plain, gets few hits for its area and so coarse texels.
@@ -18,7 +18,7 @@ const VIEWPOINTS: usize = 2048;
 const RAYS: u32 = 256;
 /// Viewpoints at each camera; together no more than a third of all.
 const PER_CAMERA: usize = 256;
-/// Distance from the surface, in finest scales of probes; in space narrower than half of that nobody stands.
+/// Distance from the surface, in finest scales of probes, or the middle of the space above; where that is lower nobody stands.
 const DISTANCE: f32 = 4.0;
 /// Least distance from any surface, as a share of that.
 const CLEARANCE: f32 = 0.125;
@@ -73,17 +73,13 @@ fn off_surfaces(scale: &LocalScale, grid: &VoxelGrid, caster: &RayCaster<'_>) ->
         chosen.map(|target| sums.partition_point(|&sum| sum < target)).filter(|&place| place < samples.len()).collect();
     let stand = |&place: &usize| {
         let sample = &samples[place];
-        let origin = sample.position + sample.normal * caster.offset_m();
-        let free_m = caster.closest_hit(origin, sample.normal).map_or(f32::INFINITY, |hit| hit.t);
+        let free_m = caster.free_above(sample.position, sample.normal);
         let wanted_m = DISTANCE * scale.finest_of_probes_m;
         if free_m < wanted_m {
             return None;
         }
         let viewpoint = sample.position + sample.normal * wanted_m.min(0.5 * free_m);
-        let around = surroundings(caster, viewpoint);
-        let is_good = around.hits > 0
-            && !around.is_behind()
-            && around.clearance_m > CLEARANCE * wanted_m
+        let is_good = surroundings(caster, viewpoint).is_open(CLEARANCE * wanted_m)
             && grid.at(viewpoint) != Some(Voxel::Enclosed);
         is_good.then_some(viewpoint)
     };

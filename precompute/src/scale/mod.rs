@@ -107,9 +107,7 @@ impl LocalScale {
             .faces()
             .zip(hits)
             .map(|((mesh, triangle), &hits)| {
-                let [a, b, c] = scene.corners(mesh, triangle);
-                let area_m2 = 0.5 * (b - a).cross(c - a).length();
-                ((f64::from(hits) + LEAST_SEEN) / f64::from(area_m2.max(f32::MIN_POSITIVE))) as f32
+                ((f64::from(hits) + LEAST_SEEN) / scene.area_m2(mesh, triangle).max(f64::MIN_POSITIVE)) as f32
             })
             .collect();
         for sample in &mut self.samples {
@@ -120,23 +118,12 @@ impl LocalScale {
 
     /// The scale below which this share of all detail that is seen lies.
     fn quantile(&self, share: f64, extent_m: f32) -> f32 {
-        let mut scales: Vec<(f32, f64)> = self
-            .samples
-            .iter()
-            .map(|sample| {
-                let scale_m = self.at(sample.position);
-                let detail = f64::from(sample.area_m2) / f64::from(scale_m.max(f32::MIN_POSITIVE));
-                (scale_m, detail * f64::from(sample.seen))
-            })
-            .collect();
-        scales.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let total: f64 = scales.iter().map(|scale| scale.1).sum();
-        let mut sum = 0.0;
-        let found = scales.iter().find(|scale| {
-            sum += scale.1;
-            sum >= share * total
+        let scales = self.samples.iter().map(|sample| {
+            let scale_m = self.at(sample.position);
+            let detail = f64::from(sample.area_m2) / f64::from(scale_m.max(f32::MIN_POSITIVE));
+            (scale_m, detail * f64::from(sample.seen))
         });
-        found.map_or(extent_m, |scale| scale.0).max(f32::MIN_POSITIVE)
+        weighted_quantile(scales, share).unwrap_or(extent_m).max(f32::MIN_POSITIVE)
     }
 
     /// Whether it is the same everywhere.
@@ -156,18 +143,16 @@ impl LocalScale {
 
     /// R at a place, metres, but not below the finest scale of texels; lower within a focus.
     pub fn of_texels(&self, position: Vec3) -> f32 {
-        if self.is_uniform() {
-            return 1.0;
-        }
-        self.at(position).max(self.finest_m) / self.focus(position).powf(1.0 / POWERS[0])
+        self.not_below(self.finest_m, position)
     }
 
     /// R at a place, metres, but not below the finest scale of probes; lower within a focus. Where this differs much, charts are cut.
     pub fn of_charts(&self, position: Vec3) -> f32 {
-        if self.is_uniform() {
-            return 1.0;
-        }
-        self.at(position).max(self.finest_of_probes_m) / self.focus(position).powf(1.0 / POWERS[0])
+        self.not_below(self.finest_of_probes_m, position)
+    }
+
+    fn not_below(&self, least_m: f32, position: Vec3) -> f32 {
+        self.at(position).max(least_m) / self.focus(position).powf(1.0 / POWERS[0])
     }
 
     /// What the edge of a texel is in proportion to (S1), where the scale is `scale_m` and people see `seen` of each area.
@@ -202,6 +187,19 @@ impl LocalScale {
     }
 }
 
+/// The smallest value that this share of all weight does not exceed; `None` of nothing.
+pub(crate) fn weighted_quantile(values: impl Iterator<Item = (f32, f64)>, share: f64) -> Option<f32> {
+    let mut sorted: Vec<(f32, f64)> = values.collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = sorted.iter().map(|value| value.1).sum();
+    let mut sum = 0.0;
+    let found = sorted.iter().find(|value| {
+        sum += value.1;
+        sum >= share * total
+    });
+    found.or(sorted.last()).map(|value| value.0)
+}
+
 /// Rays of a sample.
 const RAYS: u32 = 64;
 
@@ -231,6 +229,14 @@ mod tests {
     }
 
     #[test]
+    fn quantiles_count_weight() {
+        let values = [(3.0, 1.0), (1.0, 8.0), (2.0, 1.0)];
+        let at = |share| weighted_quantile(values.into_iter(), share);
+        assert_eq!([0.0, 0.8, 0.85, 0.95, 1.0].map(at), [1.0, 1.0, 2.0, 3.0, 3.0].map(Some));
+        assert_eq!(weighted_quantile(std::iter::empty(), 0.5), None);
+    }
+
+    #[test]
     fn scale_grows_no_faster_than_distance() {
         let scene = localprt_scenes::builtin::scene("cornell").unwrap();
         let caster = RayCaster::new(&scene).unwrap();
@@ -243,14 +249,8 @@ mod tests {
             assert!(scale.of_texels(a) >= scale.finest_m);
         }
         let area: f32 = scale.samples().iter().map(|sample| sample.area_m2).sum();
-        let whole: f32 = scene
-            .faces()
-            .map(|(mesh, triangle)| {
-                let [a, b, c] = scene.corners(mesh, triangle);
-                0.5 * (b - a).cross(c - a).length()
-            })
-            .sum();
-        assert!((area / whole - 1.0).abs() < 1e-3, "{area} of {whole}");
+        let whole: f64 = scene.faces().map(|(mesh, triangle)| scene.area_m2(mesh, triangle)).sum();
+        assert!((area / whole as f32 - 1.0).abs() < 1e-3, "{area} of {whole}");
     }
 
     #[test]

@@ -40,8 +40,7 @@ fn lit_for(subject: &Subject<'_>, receiver: u32) -> Option<State> {
         })
         .filter(|hit| hit.point.is_some() && hit.t >= LEAST_DISTANCE * radius)
         .min_by(|a, b| a.t.total_cmp(&b.t))?;
-    let above = nearest.position + nearest.normal * caster.offset_m();
-    let free = caster.closest_hit(above, nearest.normal).map_or(f32::INFINITY, |hit| hit.t);
+    let free = caster.free_above(nearest.position, nearest.normal);
     let distance = (SPOT_DISTANCE * radius).min(0.5 * free);
     if distance < 0.1 * SPOT_DISTANCE * radius {
         return None;

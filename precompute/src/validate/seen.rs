@@ -141,8 +141,7 @@ pub fn by_area(subject: &Subject<'_>, count: u32, seed: u64) -> Vec<SeenPoint> {
         .enumerate()
         .map(|(face, &(mesh, triangle))| {
             if has_texels(subject, FaceId(face as u32)) {
-                let [a, b, c] = scene.corners(mesh, triangle).map(|corner| corner.as_dvec3());
-                sum += 0.5 * (b - a).cross(c - a).length();
+                sum += scene.area_m2(mesh, triangle);
             }
             sum
         })
@@ -204,8 +203,7 @@ fn is_inside(subject: &Subject<'_>, point: &SurfacePoint) -> bool {
 }
 
 fn has_texels(subject: &Subject<'_>, face: FaceId) -> bool {
-    let [a, b, c] = subject.atlas.corners[face.0 as usize];
-    (b - a).perp_dot(c - a) != 0.0
+    subject.has_texels[face.0 as usize]
 }
 
 fn in_file_order(subject: &Subject<'_>, mut points: Vec<SeenPoint>) -> Vec<SeenPoint> {

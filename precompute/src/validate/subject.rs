@@ -29,6 +29,8 @@ pub struct Subject<'a> {
     pub settings: BakeSettings,
     /// Lightmap layout.
     pub atlas: Atlas,
+    /// `[n_faces]` whether the face has texels, its own or those of faces that it shares with.
+    pub has_texels: Vec<bool>,
     /// The file, checked for relighting.
     pub checked: CheckedBake<'a>,
     /// Cluster of each receiver, in file order.
@@ -110,6 +112,7 @@ impl<'a> Subject<'a> {
             gather: GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed),
             probe_basis,
             sky_basis: sh::Basis::new(metadata.sky_degree),
+            has_texels: atlas.faces_with_texels(),
             view,
             caster,
             checked: CheckedBake::new(view).map_err(|error| does_not_fit(&error.to_string()))?,

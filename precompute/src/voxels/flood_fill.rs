@@ -47,6 +47,11 @@ impl Surroundings {
     pub fn is_behind(&self) -> bool {
         self.backs as f32 > MAX_BACK_SHARE * self.hits as f32
     }
+
+    /// Whether the point sees surfaces, stands in front of them, and this far from all.
+    pub fn is_open(&self, clearance_m: f32) -> bool {
+        self.hits > 0 && !self.is_behind() && self.clearance_m >= clearance_m
+    }
 }
 
 /// Shoots 32 spherical Fibonacci rays from a point.

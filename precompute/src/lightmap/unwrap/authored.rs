@@ -1,6 +1,6 @@
 //! Whether the scene's own TEXCOORD_1 can hold a lightmap.
 
-use super::{Footprint, LayoutSize, MAX_SIZE, MIN_SIZE, UnwrapError, area_m2, check_size, face_area_m2};
+use super::{Footprint, LayoutSize, MAX_SIZE, MIN_SIZE, UnwrapError, area_m2, check_size};
 use crate::lightmap::{Atlas, texels};
 use glam::{DVec2, Vec2};
 use localprt_scenes::Scene;
@@ -42,20 +42,16 @@ pub fn usable_layout(scene: &Scene, size: LayoutSize) -> Result<Result<u32, Stri
     let atlas = Atlas::of(scene);
     let surface_m2 = area_m2(scene);
     let on_map: f64 = atlas.corners.iter().filter_map(|&uv| Footprint::new(uv, 1)).map(|face| face.area()).sum();
-    let held: Vec<f64> =
-        atlas.corners.iter().map(|&uv| Footprint::new(uv, 1).map_or(0.0, |face| face.area())).collect();
-    let mut chart_held = vec![0.0; atlas.n_charts as usize];
-    for (&chart, held) in atlas.chart.iter().zip(&held) {
-        chart_held[chart as usize] += held;
-    }
+    let has_texels = atlas.faces_with_texels();
     let starved: f64 = scene
         .faces()
         .enumerate()
         .map(|(face, (mesh, triangle))| {
-            let area = face_area_m2(scene, mesh, triangle);
+            let area = scene.area_m2(mesh, triangle);
+            let held = Footprint::new(atlas.corners[face], 1).map_or(0.0, |face| face.area());
             // A face in one point of a chart shares its texels.
-            let shares = held[face] == 0.0 && chart_held[atlas.chart[face] as usize] > 0.0;
-            if !shares && held[face] * surface_m2 < STARVED * on_map * area { area } else { 0.0 }
+            let shares = held == 0.0 && has_texels[face];
+            if !shares && held * surface_m2 < STARVED * on_map * area { area } else { 0.0 }
         })
         .sum();
     if on_map <= 0.0 && surface_m2 > 0.0 || starved > MOST_STARVED * surface_m2 {

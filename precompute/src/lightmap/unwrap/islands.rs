@@ -3,7 +3,7 @@
 use super::{Piece, Unwrapped};
 use crate::{
     lightmap::charts::Sets,
-    scale::{LEAST_SEEN, LocalScale},
+    scale::{LEAST_SEEN, LocalScale, weighted_quantile},
 };
 use glam::{DVec2, Vec2, Vec3};
 use localprt_scenes::Scene;
@@ -144,11 +144,6 @@ fn groups(set: &[u32], held: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
     groups
 }
 
-fn area(scene: &Scene, mesh: usize, triangle: usize) -> f64 {
-    let [a, b, c] = scene.corners(mesh, triangle).map(Vec3::as_dvec3);
-    (b - a).cross(c - a).length() * 0.5
-}
-
 /// Harmonic mean of the scale over a face, metres.
 fn face_scale(scene: &Scene, mesh: usize, triangle: usize, scale: &LocalScale) -> f32 {
     let corners = scene.corners(mesh, triangle);
@@ -192,28 +187,18 @@ impl Facts<'_> {
     }
 
     fn area(&self, face: u32) -> f64 {
-        area(self.scene, self.mesh, self.triangle(face))
+        self.scene.area_m2(self.mesh, self.triangle(face))
     }
 
     /// Whether a chart needs very different densities.
     fn is_uneven(&self, scales: &[f32], faces: &[u32]) -> bool {
-        let mut sorted: Vec<(f32, f64)> = faces
-            .iter()
-            .map(|&face| (scales[face as usize].max(self.wanted.scale.finest_of_probes_m()), self.area(face)))
-            .collect();
-        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Area counts in texels, or a far plain would always outweigh what stands on it.
-        let texels = |&(scale, area): &(f32, f64)| area / f64::from(scale).powi(2);
-        let total: f64 = sorted.iter().map(texels).sum();
-        let at = |share: f64| {
-            let mut sum = 0.0;
-            let found = sorted.iter().find(|face| {
-                sum += texels(face);
-                sum >= share * total
-            });
-            found.or(sorted.last()).map_or(1.0, |face| face.0)
-        };
-        at(0.9) > MOST_UNEVEN * at(0.1)
+        let texels = faces.iter().map(|&face| {
+            let scale_m = scales[face as usize].max(self.wanted.scale.finest_of_probes_m());
+            (scale_m, self.area(face) / f64::from(scale_m).powi(2))
+        });
+        let [fine, coarse] = [0.1, 0.9].map(|share| weighted_quantile(texels.clone(), share).unwrap_or(1.0));
+        coarse > MOST_UNEVEN * fine
     }
 
     /// The chart of some faces; `scales` are those of all faces of the piece, empty where they are even.

@@ -1,7 +1,7 @@
 //! How fine charts are and where they go: as many texels as were asked for, dealt by the local scale.
 //!
 //! The edge of a chart's texels goes with the local scale; the factor is found by packing and counting. Charts of less
-//! than a few texels share one with small neighbors that face the same way and that they see: a leaf, a chain
+//! than a texel share one with small neighbors that face the same way and that they see: a leaf, a chain
 //! link and a bolt would otherwise fill the map with their borders.
 
 use super::{
@@ -10,7 +10,11 @@ use super::{
     pieces,
     uv_unwrap::{FlatChart, Packed, pack},
 };
-use crate::{lightmap::raster::Footprint, rays::RayCaster, scale::RANGE};
+use crate::{
+    lightmap::raster::Footprint,
+    rays::RayCaster,
+    scale::{RANGE, weighted_quantile},
+};
 use glam::{IVec3, Vec2};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
@@ -94,8 +98,8 @@ impl Charts {
         self.islands.is_empty()
     }
 
-    /// The scene with lightmap coordinates, and the size of its map. `caster` tells which small charts see each other; its
-    /// scene has the meshes of `scene`.
+    /// `scene`, whose charts these are, with lightmap coordinates, and the size of its map in texels per side. `caster` tells which
+    /// small charts see each other: it holds the same surfaces, cut into faces as finely or not.
     ///
     /// # Errors
     /// [`UnwrapError::TooManyCharts`] where not even joined charts fit the map, or [`UnwrapError::Cancelled`].
@@ -259,16 +263,8 @@ impl Charts {
 
 /// Brings texels within [`RANGE`] of the finest: that of the fiftieth of all texels that are finest.
 fn limit_range(islands: &mut [Island]) {
-    let mut sorted: Vec<(f32, f64)> =
-        islands.iter().map(|island| (island.texel, island.area_m2 / f64::from(island.texel).powi(2))).collect();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = sorted.iter().map(|texels| texels.1).sum();
-    let mut sum = 0.0;
-    let finest = sorted.iter().find(|texels| {
-        sum += texels.1;
-        sum >= FINEST_SHARE * total
-    });
-    let Some(&(finest, _)) = finest else { return };
+    let texels = islands.iter().map(|island| (island.texel, island.area_m2 / f64::from(island.texel).powi(2)));
+    let Some(finest) = weighted_quantile(texels, FINEST_SHARE) else { return };
     for island in islands {
         island.texel = (island.texel / finest).clamp(1.0, RANGE);
     }

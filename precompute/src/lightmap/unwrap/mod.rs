@@ -115,10 +115,5 @@ pub fn check_size(size: LayoutSize) -> Result<(), UnwrapError> {
 
 /// Area of all faces, square metres.
 fn area_m2(scene: &Scene) -> f64 {
-    scene.faces().map(|(mesh, triangle)| face_area_m2(scene, mesh, triangle)).sum()
-}
-
-fn face_area_m2(scene: &Scene, mesh: usize, triangle: usize) -> f64 {
-    let [a, b, c] = scene.corners(mesh, triangle).map(glam::Vec3::as_dvec3);
-    (b - a).cross(c - a).length() * 0.5
+    scene.faces().map(|(mesh, triangle)| scene.area_m2(mesh, triangle)).sum()
 }

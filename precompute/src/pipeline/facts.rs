@@ -1,0 +1,76 @@
+//! What the stages did, as the report says it.
+
+use crate::{
+    clusters::Cluster,
+    lightmap::{LayoutReport, ReceiverSet},
+    probes::{PlacementReport, ProbeSet, Support},
+    report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen, hex, median},
+    settings::BakeSettings,
+};
+use localprt_scenes::Scene;
+
+pub(super) fn scene_facts(scene: &Scene) -> SceneFacts {
+    SceneFacts {
+        triangles: scene.face_count() as u64,
+        materials: scene.materials.len() as u64,
+        hash: hex(&scene.hash),
+        degenerate: scene.dropped.degenerate as u64,
+        duplicate: scene.dropped.duplicate as u64,
+    }
+}
+
+pub(super) fn atlas_facts(layout: &LayoutReport, receivers: &ReceiverSet, settings: &BakeSettings) -> AtlasFacts {
+    AtlasFacts {
+        unwrapped: !layout.kept,
+        reason: layout.reason.clone(),
+        lightmap: layout.size,
+        direct_map: settings.direct_map,
+        charts: u64::from(layout.charts),
+        back_faces: layout.back_faces as u64,
+        covered_texels: (receivers.len() + receivers.invalid.len()) as u64,
+        pushed_receivers: receivers.pushed as u64,
+    }
+}
+
+pub(super) fn placement_facts(placement: &PlacementReport) -> PlacementFacts {
+    PlacementFacts {
+        spacing: placement.spacing_m,
+        voxel: placement.voxel_m,
+        candidates: placement.candidates as u64,
+        rejected: placement.rejected as u64,
+        repaired: placement.repaired as u64,
+    }
+}
+
+pub(super) fn fill_results(
+    report: &mut BakeReport,
+    receivers: &ReceiverSet,
+    probes: &ProbeSet,
+    support: &Support,
+    clusters: &[Cluster],
+) {
+    report.receivers = receivers.len() as u64;
+    report.invalid_receivers = receivers.invalid.len() as u64;
+    report.probes = probes.positions.len() as u64;
+    report.radius = median(probes.radius_m.iter().copied());
+    let counts = support.start.windows(2).map(|run| run[1] - run[0]);
+    report.overlap = Overlap {
+        mean: (support.probes.len() as f64 / receivers.len().max(1) as f64) as f32,
+        min: counts.clone().min().unwrap_or(0),
+        max: counts.max().unwrap_or(0),
+    };
+    report.clusters = clusters.len() as u64;
+    let weighted: usize = clusters.iter().map(|cluster| cluster.members.len() * cluster.rows.n_coefficients).sum();
+    report.coefficients_per_receiver = weighted as f64 / receivers.len().max(1) as f64;
+    let linked: usize = clusters.iter().map(|cluster| cluster.probes.len()).sum();
+    report.probes_per_cluster = linked as f64 / clusters.len().max(1) as f64;
+    let unseen: Vec<f32> = clusters.iter().flat_map(|cluster| cluster.unseen.iter().copied()).collect();
+    report.unseen = Unseen::of(&unseen);
+    let errors = || clusters.iter().flat_map(|cluster| cluster.rows.row_error_squared.iter().copied());
+    let n_rows = errors().count().max(1);
+    report.compression = Compression {
+        rms_error: (errors().sum::<f64>() / n_rows as f64).sqrt(),
+        max_error: errors().fold(0.0, f64::max).sqrt(),
+    };
+    report.seams = receivers.seams.len() as u64;
+}

@@ -1,0 +1,144 @@
+//! A scene to a scene with a layout and the receivers on it: as many as were asked for, where the local scale says.
+
+use super::failures::{tree_error, unwrap_error, voxel_error};
+use crate::{
+    error::BakeError,
+    lightmap::{
+        Atlas, LayoutReport, ReceiverSet, cut, receivers, sides,
+        unwrap::{self, LayoutSize, Wanted},
+    },
+    progress::{Cancelled, Progress},
+    rays::RayCaster,
+    scale::{self, Focus, LocalScale},
+    settings::{BakeSettings, Density},
+    voxels::VoxelGrid,
+};
+use glam::Vec3;
+use localprt_scenes::Scene;
+
+/// Samples of the local scale: one for so many receivers.
+const RECEIVERS_PER_SAMPLE: usize = 4;
+const LEAST_SAMPLES: usize = 4000;
+/// Layouts that are made to meet the number of receivers, at most.
+const LAYOUTS: usize = 4;
+/// Share by which it may be missed.
+const BUDGET_MISSED: f64 = 0.02;
+/// Texels for a receiver, at most, where most of the surface is inside of geometry.
+const MOST_EXTRA: f64 = 8.0;
+
+/// What is known of the space around the surfaces.
+pub(super) struct Space {
+    pub(super) grid: VoxelGrid,
+    pub(super) scale: LocalScale,
+}
+
+impl Space {
+    /// Measures the scale of a scene and rasterizes it; `rho` is the probe spacing in metres.
+    pub(super) fn of(
+        caster: &RayCaster<'_>,
+        rho: f32,
+        settings: &BakeSettings,
+        progress: &Progress,
+    ) -> Result<Self, BakeError> {
+        let scene = caster.scene();
+        let mut scale = {
+            let _stage = progress.stage("local scale", 0);
+            local_scale(caster, settings)
+        };
+        progress.check()?;
+        let _stage = progress.stage("voxelize", 0);
+        let grid = VoxelGrid::build(scene, caster, rho, &scale, settings).map_err(voxel_error)?;
+        if !scale.is_uniform() {
+            let hits = scale::importance(&scale, &grid, caster);
+            scale.look(scene, &hits);
+        }
+        progress.check()?;
+        Ok(Self { grid, scale })
+    }
+}
+
+/// R of a scene, as the settings ask for it.
+fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
+    if settings.density == Density::Uniform {
+        return LocalScale::uniform();
+    }
+    let most = (settings.receivers as usize / RECEIVERS_PER_SAMPLE).max(LEAST_SAMPLES);
+    let focus = settings.focus.iter().map(|&[x, y, z, radius_m]| Focus { center: Vec3::new(x, y, z), radius_m });
+    LocalScale::of(scale::measure(caster, most), caster.scene().extent(), focus.collect())
+}
+
+/// A scene with its layout, and the receivers on it.
+pub(super) struct LaidOut {
+    pub(super) scene: Scene,
+    pub(super) layout: LayoutReport,
+    pub(super) receivers: ReceiverSet,
+}
+
+/// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
+/// with a face for each live side and large faces cut where they need very different densities.
+pub(super) fn lay_out(
+    scene: &Scene,
+    caster: &RayCaster<'_>,
+    Space { grid, scale }: &Space,
+    settings: &BakeSettings,
+    progress: &Progress,
+) -> Result<LaidOut, BakeError> {
+    let stage = progress.stage("unwrap", 0);
+    let mut size = LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel };
+    let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
+    let reason = match unwrap::usable_layout(scene, size).map_err(unwrap_error)? {
+        Ok(texels) => {
+            drop(stage);
+            let _stage = progress.stage("receivers", 0);
+            let atlas = Atlas::of(scene);
+            let receivers = receivers::place(scene, &atlas, caster, texels, &watch).ok_or(Cancelled)?;
+            let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
+            return Ok(LaidOut { scene: scene.clone(), layout, receivers });
+        }
+        Err(reason) => reason,
+    };
+    let (mut split, back_faces) =
+        sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
+    cut::by_scale(&mut split, scale);
+    let hits = match scale.is_uniform() {
+        true => Vec::new(),
+        false => scale::importance(scale, grid, &RayCaster::new(&split).map_err(tree_error)?),
+    };
+    let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
+    let wanted = Wanted { scale, hits: &hits };
+    let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
+    drop(stage);
+    let mut best: Option<(f64, LaidOut)> = None;
+    for _ in 0..LAYOUTS {
+        let stage = progress.stage("layout", 0);
+        let (scene, texels) = charts.lay_out(split.clone(), caster, size, &watch).map_err(unwrap_error)?;
+        drop(stage);
+        let _stage = progress.stage("receivers", 0);
+        let atlas = Atlas::of(&scene);
+        let receivers = {
+            let caster = RayCaster::new(&scene).map_err(tree_error)?;
+            receivers::place(&scene, &atlas, &caster, texels, &watch).ok_or(Cancelled)?
+        };
+        let found = receivers.len();
+        let miss = (found as f64 / f64::from(settings.receivers) - 1.0).abs();
+        let layout = LayoutReport {
+            kept: false,
+            reason: Some(reason.clone()),
+            back_faces,
+            size: texels,
+            charts: atlas.n_charts,
+        };
+        if best.as_ref().is_none_or(|best| miss < best.0) {
+            best = Some((miss, LaidOut { scene, layout, receivers }));
+        }
+        // Texels inside of geometry and in the holes of masks hold none: as many more are needed. A map or a texel that is given
+        // may not allow them.
+        let wanted = f64::from(size.texels) * f64::from(settings.receivers) / found.max(1) as f64;
+        let is_free = settings.lightmap.is_none() && settings.texel.is_none();
+        if miss < BUDGET_MISSED || found == 0 || !is_free {
+            break;
+        }
+        size.texels = wanted.min(MOST_EXTRA * f64::from(settings.receivers)) as u32;
+    }
+    best.map(|best| best.1).ok_or_else(|| BakeError::Internal { what: "no layout was made".into() })
+}
