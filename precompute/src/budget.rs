@@ -22,7 +22,7 @@ const ASPECT: f32 = 16.0 / 9.0;
 const COARSE: f32 = 1.0 / 30.0;
 /// Rays around a camera that tell how far it reaches, and the share of them that is within.
 const RAYS_AROUND: u32 = 1024;
-const WITHIN: f64 = 0.95;
+const WITHIN: f64 = 0.98;
 /// Warned of: less than this share of the receivers within reach of the views...
 const LEAST_IN_REACH: f64 = 0.5;
 /// ...more than this share of a picture coarse...

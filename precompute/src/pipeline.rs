@@ -126,7 +126,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         Transport::Paper => None,
         Transport::Fitted => {
             let _stage = progress.stage("fit", 0);
-            Some(FitScene::new(&caster, &atlas, &receivers, &probes, &support, settings.relight_rays, &probe_basis))
+            Some(FitScene::new(&caster, &atlas, &receivers, &probes, settings.relight_rays, &probe_basis))
         }
     };
     progress.check()?;
@@ -281,7 +281,8 @@ fn volume_transport(
     progress: &Progress,
 ) -> Result<(VolumeArrays, RayCounts), BakeError> {
     let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
-    let support = probes::link_points(&cells.positions, lightmap.probes, &sees, settings).map_err(placement_error)?;
+    let (_, support, _) =
+        probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
     let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
     let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory

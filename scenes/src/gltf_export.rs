@@ -7,7 +7,7 @@ mod images;
 mod texture_transform;
 
 use crate::lighting::{Light, LightKind};
-use crate::scene::{AlphaMode, Camera, Material, Mesh, Scene, Texture, TextureRef, Wrap};
+use crate::scene::{AlphaMode, Camera, LightmapWish, Material, Mesh, Scene, Texture, TextureRef, Wrap};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 use gltf::json::{accessor, buffer, mesh, texture};
 use serde_json::{Map, Value, json};
@@ -220,7 +220,12 @@ impl Writer {
                 "mode": mesh::TRIANGLES,
             }],
         }));
-        self.nodes.push(json!({ "name": mesh.name, "mesh": self.meshes.len() - 1 }));
+        let mut node = json!({ "name": mesh.name, "mesh": self.meshes.len() - 1 });
+        if mesh.lightmap != LightmapWish::default() {
+            let LightmapWish { texel_scale, bake } = mesh.lightmap;
+            node["extras"] = json!({ "localprt": { "texel_scale": texel_scale, "bake": bake } });
+        }
+        self.nodes.push(node);
     }
 
     fn material(&mut self, material: &Material) -> Value {

@@ -56,6 +56,23 @@ pub struct Mesh {
     pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
+    /// What its author wants of the lightmap.
+    pub lightmap: LightmapWish,
+}
+
+/// What the author of a mesh wants of the lightmap: `extras` of its node, `{"localprt": {"texel_scale": 2.0, "bake": true}}`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightmapWish {
+    /// Texels along a metre, relative to what they would be; above 0.
+    pub texel_scale: f32,
+    /// Whether the mesh is to be lit by the lightmap.
+    pub bake: bool,
+}
+
+impl Default for LightmapWish {
+    fn default() -> Self {
+        Self { texel_scale: 1.0, bake: true }
+    }
 }
 
 impl Mesh {

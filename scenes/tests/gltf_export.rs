@@ -5,8 +5,8 @@ mod common;
 use common::{assert_same, square};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4, vec2, vec3};
 use localprt_scenes::{
-    AlphaMode, Camera, ExportError, Image, Light, LightKind, Material, Mesh, Scene, Texture, TextureRef, Wrap,
-    export_glb, load,
+    AlphaMode, Camera, ExportError, Image, Light, LightKind, LightmapWish, Material, Mesh, Scene, Texture, TextureRef,
+    Wrap, export_glb, load,
 };
 
 /// A scene that uses everything the exporter writes.
@@ -22,6 +22,7 @@ fn everything() -> Scene {
     // A gap at set 1, and the lightmap's set after it.
     mesh.uv_sets = vec![mesh.uv_sets[0].clone(), Vec::new(), vec![vec2(0.1, 0.7); 4]];
     mesh.name = "wall \"1\"".into();
+    mesh.lightmap = LightmapWish { texel_scale: 2.5, bake: false };
     let mut lower = Mesh { uv_sets: vec![Vec::new(), vec![Vec2::splat(0.3); 4]], material: 1, ..mesh.clone() };
     lower.positions.iter_mut().for_each(|position| position.z = -0.0137);
     scene.meshes.push(lower);

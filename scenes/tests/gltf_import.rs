@@ -446,6 +446,35 @@ fn lights_and_cameras_are_placed_in_the_world() {
 }
 
 #[test]
+fn node_extras_say_how_fine_a_lightmap_is() {
+    let (mut root, bin) = square();
+    let mut wishes = |nodes: Value| {
+        root["nodes"] = nodes;
+        let scene = load_glb(&root, &bin)?;
+        Ok::<_, LoadError>(scene.meshes.iter().map(|mesh| (mesh.lightmap.texel_scale, mesh.lightmap.bake)).collect())
+    };
+    let found: Vec<(f32, bool)> = wishes(json!([
+        {"children": [1, 2, 3], "extras": {"localprt": {"texel_scale": 2.5}, "other": 7}},
+        {"mesh": 0},
+        {"mesh": 0, "translation": [2, 0, 0], "extras": {"localprt": {"bake": false}}},
+        {"mesh": 0, "translation": [4, 0, 0], "extras": {"localprt": {"texel_scale": 0.5, "bake": 1}}},
+    ]))
+    .expect("a sound file");
+    assert_eq!(found, [(2.5, true), (2.5, false), (0.5, true)]);
+    assert_eq!(wishes(json!([{"mesh": 0, "extras": "a note"}])).expect("a sound file"), [(1.0, true)]);
+    for (wrong, place) in [
+        (json!({"texel_scale": 0}), "/nodes/0/extras/localprt/texel_scale"),
+        (json!({"texel_scale": "fine"}), "/nodes/0/extras/localprt/texel_scale"),
+        (json!({"bake": "no"}), "/nodes/0/extras/localprt/bake"),
+        (json!({"texelscale": 2}), "/nodes/0/extras/localprt/texelscale"),
+        (json!(2), "/nodes/0/extras/localprt"),
+    ] {
+        let error = wishes(json!([{"mesh": 0, "extras": {"localprt": wrong}}])).expect_err("refused");
+        assert!(matches!(&error, LoadError::Invalid { pointer, .. } if pointer == place), "{error}");
+    }
+}
+
+#[test]
 fn unusable_triangles_are_dropped_but_other_sides_stay() {
     let (mut root, mut bin) = square();
     // Twice the same, once turned, once flat, once from behind.

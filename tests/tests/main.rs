@@ -1,6 +1,7 @@
 //! Tests that cross crates, as one binary.
 
 mod bounces;
+mod budget;
 mod determinism;
 mod file_to_pixels;
 mod furnace;

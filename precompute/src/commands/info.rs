@@ -5,7 +5,7 @@ use crate::cli;
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::report::{Unseen, VolumeFacts, hex, median};
+use localprt_precompute::report::{Unseen, VolumeFacts, hex};
 use localprt_precompute::settings::BakeSettings;
 use serde::Serialize;
 use serde_json::Value;
@@ -136,7 +136,7 @@ impl Facts {
             },
             receivers,
             probes: view.probes.len(),
-            radius: median(view.probes.iter().map(|probe| probe.support_radius_m)),
+            radius: view.probes.first().map_or(0.0, |probe| probe.support_radius_m),
             clusters: view.clusters.len(),
             lightmap: metadata.lightmap_size,
             direct_map: metadata.direct_size,

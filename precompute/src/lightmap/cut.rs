@@ -78,10 +78,10 @@ fn longest(mesh: &Mesh, triangle: &[u32; 3]) -> (usize, EdgeKey) {
 fn is_uneven(mesh: &Mesh, triangle: &[u32; 3], scale: &LocalScale) -> bool {
     let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
     let longest_m = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    if longest_m.is_nan() || longest_m < SHORTEST * scale.finest_of_probes_m() {
+    if longest_m.is_nan() || longest_m < SHORTEST * scale.finest_of_charts_m() {
         return false;
     }
-    let finest_m = scale.finest_of_probes_m();
+    let finest_m = scale.finest_of_charts_m();
     // The scale changes no faster than with distance, up to a focus.
     let spread = |middle: f32, reach: f32| (middle + reach) / (middle - reach).max(finest_m);
     if spread(scale.of_charts((a + b + c) / 3.0), longest_m) < MOST_UNEVEN {
@@ -203,6 +203,7 @@ mod tests {
         LocalScale::of(
             vec![Sample { position: place, normal: Vec3::Y, scale_m: 0.5, area_m2: 1.0, face: 0, seen: 1.0 }],
             500.0,
+            60_000,
             Vec::new(),
         )
     }

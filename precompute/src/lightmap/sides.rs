@@ -113,6 +113,7 @@ fn part(mesh: &Mesh, keep: impl Fn(usize) -> bool) -> Mesh {
         uv_sets: mesh.uv_sets.iter().map(|set| taken(set, &from)).collect(),
         colors: taken(&mesh.colors, &from),
         triangles,
+        lightmap: mesh.lightmap,
     }
 }
 

@@ -4,7 +4,7 @@ use super::test_scenes::{cuboid, inward, merged, plane, room, scene, sphere, wit
 use super::unwrap::{LayoutSize, UnwrapError, Wanted, backend, charts, check_size, usable_layout};
 use super::*;
 use crate::rays::RayCaster;
-use crate::scale::LocalScale;
+use crate::scale::{LocalScale, Seen};
 use crate::settings::UnwrapBackend;
 use localprt_scenes::{AlphaMode, Image, Mesh, Scene, Texture, TextureRef, Wrap};
 
@@ -27,7 +27,7 @@ fn unwrapped(scene: Scene, size: LayoutSize, progress: Progress) -> Result<(Scen
     check_size(size)?;
     let backend = backend(UnwrapBackend::Uvunwrap)?;
     let scale = LocalScale::uniform();
-    let charts = charts(&scene, Wanted { scale: &scale, hits: &[] }, backend.as_ref(), progress)?;
+    let charts = charts(&scene, Wanted { scale: &scale, seen: &Seen::default() }, backend.as_ref(), progress)?;
     // Of a scene without triangles there is no tree to build, and nobody asks.
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
@@ -97,6 +97,27 @@ fn texels_are_of_one_size_on_the_surface_and_no_finer_than_asked_for() {
         // Coordinates are rounded to 2^-24 of the map: far below a thousandth of a texel.
         assert!(((area / texels).sqrt() / 0.1 - 1.0).abs() < 2e-3);
     }
+}
+
+#[test]
+fn a_mesh_has_as_fine_texels_as_its_author_wants() {
+    let mut scene = scene(vec![
+        plane("as it is", Vec3::ZERO, Vec3::X * 4.0, Vec3::Z * 4.0, 1, 1),
+        plane("finer", Vec3::X * 10.0, Vec3::X * 4.0, Vec3::Z * 4.0, 1, 1),
+        plane("not at all", Vec3::X * 20.0, Vec3::X * 4.0, Vec3::Z * 4.0, 8, 8),
+    ]);
+    scene.meshes[1].lightmap.texel_scale = 2.0;
+    scene.meshes[2].lightmap.bake = false;
+    let (after, size) = unwrapped(scene, LayoutSize { texels: 10_000, ..LayoutSize::default() }, &quiet).unwrap();
+    let atlas = Atlas::of(&after);
+    let mut texels = [0.0; 3];
+    for ((mesh, _), uv) in after.faces().zip(&atlas.corners) {
+        texels[mesh] += (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0 * (size as f32).powi(2);
+    }
+    assert!((texels[1] / texels[0] / 4.0 - 1.0).abs() < 0.05, "{texels:?}");
+    assert!(texels[2] < 3.0, "{texels:?}");
+    let found = receivers(&after, size).len() as f32;
+    assert!((found / 10_000.0 - 1.0).abs() < 0.05, "{found}");
 }
 
 #[test]

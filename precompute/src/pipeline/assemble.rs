@@ -83,8 +83,7 @@ pub(super) fn assemble(
         probes: probes
             .positions
             .iter()
-            .zip(&probes.radius_m)
-            .map(|(position, &support_radius_m)| Probe { position: position.to_array(), support_radius_m })
+            .map(|position| Probe { position: position.to_array(), support_radius_m: probes.radius_m })
             .collect(),
         ray_dirs: rays.dirs,
         ray_sh: rays.sh,

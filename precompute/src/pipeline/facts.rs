@@ -4,7 +4,7 @@ use crate::{
     clusters::Cluster,
     lightmap::{LayoutReport, ReceiverSet},
     probes::{PlacementReport, ProbeSet, Support},
-    report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen, hex, median},
+    report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen, hex},
     settings::BakeSettings,
 };
 use localprt_scenes::Scene;
@@ -52,7 +52,7 @@ pub(super) fn fill_results(
     report.receivers = receivers.len() as u64;
     report.invalid_receivers = receivers.invalid.len() as u64;
     report.probes = probes.positions.len() as u64;
-    report.radius = median(probes.radius_m.iter().copied());
+    report.radius = probes.radius_m;
     let counts = support.start.windows(2).map(|run| run[1] - run[0]);
     report.overlap = Overlap {
         mean: (support.probes.len() as f64 / receivers.len().max(1) as f64) as f32,

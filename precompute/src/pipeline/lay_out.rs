@@ -1,15 +1,16 @@
 //! A scene to a scene with a layout and the receivers on it: as many as were asked for, where the local scale says.
 
-use super::failures::{tree_error, unwrap_error, voxel_error};
+use super::failures::{placement_error, tree_error, unwrap_error, voxel_error};
 use crate::{
     error::BakeError,
     lightmap::{
         Atlas, LayoutReport, ReceiverSet, cut, receivers, sides,
         unwrap::{self, LayoutSize, Wanted},
     },
+    probes,
     progress::{Cancelled, Progress},
     rays::RayCaster,
-    scale::{self, Focus, LocalScale},
+    scale::{self, Focus, LocalScale, Seen},
     settings::{BakeSettings, Density},
     voxels::VoxelGrid,
 };
@@ -47,10 +48,12 @@ impl Space {
         };
         progress.check()?;
         let _stage = progress.stage("voxelize", 0);
-        let grid = VoxelGrid::build(scene, caster, rho, &scale, settings).map_err(voxel_error)?;
+        let probes =
+            probes::target_count(scene.bounds().unwrap_or_default(), rho, settings).map_err(placement_error)?;
+        let grid = VoxelGrid::build(scene, caster, rho, scale.closest(probes), settings).map_err(voxel_error)?;
         if !scale.is_uniform() {
-            let hits = scale::importance(&scale, &grid, caster);
-            scale.look(scene, &hits);
+            let seen = scale::importance(&scale, &grid, caster);
+            scale.look(scene, &seen);
         }
         progress.check()?;
         Ok(Self { grid, scale })
@@ -64,7 +67,7 @@ fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
     }
     let most = (settings.receivers as usize / RECEIVERS_PER_SAMPLE).max(LEAST_SAMPLES);
     let focus = settings.focus.iter().map(|&[x, y, z, radius_m]| Focus { center: Vec3::new(x, y, z), radius_m });
-    LocalScale::of(scale::measure(caster, most), caster.scene().extent(), focus.collect())
+    LocalScale::of(scale::measure(caster, most), caster.scene().extent(), settings.receivers, focus.collect())
 }
 
 /// A scene with its layout, and the receivers on it.
@@ -100,12 +103,12 @@ pub(super) fn lay_out(
     let (mut split, back_faces) =
         sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
     cut::by_scale(&mut split, scale);
-    let hits = match scale.is_uniform() {
-        true => Vec::new(),
+    let seen = match scale.is_uniform() {
+        true => Seen::default(),
         false => scale::importance(scale, grid, &RayCaster::new(&split).map_err(tree_error)?),
     };
     let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
-    let wanted = Wanted { scale, hits: &hits };
+    let wanted = Wanted { scale, seen: &seen };
     let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
     drop(stage);
     let mut best: Option<(f64, LaidOut)> = None;

@@ -1,5 +1,5 @@
 //! Probe placement (section 4.1): candidates in open voxels beside solid ones, or off the surfaces by their local scale, thinned
-//! to the target count, support radii found from the receivers, and a repair of what no supporting probe sees.
+//! to the target count, one support radius found from the receivers, and a repair of what no supporting probe sees.
 //!
 //! [`place`] is the whole step: [`crate::voxels::VoxelGrid`] and receivers in, [`ProbeSet`] and [`Support`] out. World
 //! space, metres. The same input gives the same probes on any number of threads.
@@ -38,38 +38,27 @@ const MOST_LAYERS: f32 = 64.0;
 pub struct ProbeSet {
     /// World positions, metres.
     pub positions: Vec<Vec3>,
-    /// `[n_probes]` support radius r_i of each, metres: mean overlap over the receivers as asked.
-    pub radius_m: Vec<f32>,
+    /// Support radius r of all probes, metres: mean overlap over the receivers as asked.
+    pub radius_m: f32,
 }
 
-/// Supporting probes of every receiver, and how much they count there.
+/// Supporting probes of every receiver, and the radius each receiver sees them with.
 ///
-/// A receiver with too few probes enlarges their radii for itself; see [`support`].
+/// A receiver with too few probes within r uses `max(r, 1.05 x distance to its min_overlap-th nearest probe)`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Support {
     /// `[n_receivers + 1]` start of each receiver's run in `probes`.
     pub start: Vec<u32>,
     /// Probe ids, rising within a run.
     pub probes: Vec<u32>,
-    /// `[n_receivers]` runs as in `probes`: weight w_i(x) of Eq. (2), before it is normalized.
-    pub weights: Vec<f32>,
-    /// `[n_receivers]` radius of the weight kernel, metres; where radii differ, the one that counts most.
+    /// `[n_receivers]` radius used in the weight kernel, metres.
     pub radius_m: Vec<f32>,
 }
 
 impl Support {
     /// Probes that support a receiver.
     pub fn of(&self, receiver: usize) -> &[u32] {
-        &self.probes[self.run(receiver)]
-    }
-
-    /// Their weights.
-    pub fn weights_of(&self, receiver: usize) -> &[f32] {
-        &self.weights[self.run(receiver)]
-    }
-
-    fn run(&self, receiver: usize) -> std::ops::Range<usize> {
-        self.start[receiver] as usize..self.start[receiver + 1] as usize
+        &self.probes[self.start[receiver] as usize..self.start[receiver + 1] as usize]
     }
 }
 
@@ -188,7 +177,8 @@ pub fn target_count(bounds: (Vec3, Vec3), rho: f32, settings: &BakeSettings) -> 
 /// Places the probes of a scene and links every receiver to those that support it.
 ///
 /// `rho` is the probe spacing in metres ([`crate::voxels::spacing`]); `receivers` and `normals` are `[n_receivers]`
-/// positions in metres and unit geometric normals.
+/// positions in metres and unit geometric normals. Where `scale` asks for very different spacings, candidates stand where it was
+/// measured and are spread by it; else they are spread evenly.
 ///
 /// The coverage repair adds up to `settings.repair` times the target count. With an explicit `settings.probes` the
 /// total stays what was asked for: thinning stops short by that share, and what the repair does not need goes to the
@@ -213,15 +203,18 @@ pub fn place(
 
     // A spacing given beside a count may have nothing to do with it; placement then follows the count.
     let kernel_m = if settings.probes.is_some() { spacing_for(bounds, target as u32) } else { rho };
-    let (found, spacing) = if scale.is_uniform() {
-        let layer = (settings.standoff * kernel_m / grid.voxel_m).round().clamp(1.0, MOST_LAYERS);
-        (candidates(grid, caster, target, layer as u8, settings.seed)?, None)
-    } else {
-        let found = by_scale::candidates(scale, grid, caster, target, settings.standoff);
-        if found.positions.is_empty() {
-            return Err(PlacementError::NoCandidate { tested: found.rejected, voxel_m: grid.voxel_m });
+    let (found, spacing) = match scale.spacing(target) {
+        None => {
+            let layer = (settings.standoff * kernel_m / grid.voxel_m).round().clamp(1.0, MOST_LAYERS);
+            (candidates(grid, caster, target, layer as u8, settings.seed)?, None)
         }
-        (Candidates { positions: found.positions, rejected: found.rejected }, Some(found.spacing))
+        Some(spacing) => {
+            let (found, spacing) = by_scale::candidates(scale, &spacing, grid, caster, target, settings.standoff);
+            if found.positions.is_empty() {
+                return Err(PlacementError::NoCandidate { tested: found.rejected, voxel_m: grid.voxel_m });
+            }
+            (found, Some(spacing))
+        }
     };
     // Of the candidates at these indices.
     let thin = |indices: &[u32], count: usize| {
@@ -230,8 +223,7 @@ pub fn place(
             None => reduce(&positions, count, kernel_m),
             Some(spacing) => {
                 let spacing: Vec<f32> = indices.iter().map(|&index| spacing[index as usize]).collect();
-                let (kept, removed) = by_scale::spread(&positions, &spacing, caster, count);
-                Reduction { kept, removed }
+                by_scale::spread(&positions, &spacing, caster, count)
             }
         }
     };
@@ -240,15 +232,7 @@ pub fn place(
     let all: Vec<u32> = (0..found.positions.len() as u32).collect();
     let thinned = thin(&all, target);
     let sees = sight(caster, receivers, normals);
-    let placement = |chosen: &[u32]| {
-        let positions: Vec<Vec3> = chosen.iter().map(|&index| found.positions[index as usize]).collect();
-        let reach = match scale.is_uniform() {
-            true => vec![1.0; positions.len()],
-            false => radius::reach(&positions, &|a, b| caster.visible(a, b)),
-        };
-        support(receivers, &positions, &reach, &sees, settings)
-    };
-    let plain = placement(&thinned.kept)?;
+    let plain = placement(&found.positions, &thinned.kept, receivers, &sees, settings)?;
 
     let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
     let unseen_before = coverage.unseen_share(&plain.0, &plain.1);
@@ -267,14 +251,15 @@ pub fn place(
     // An explicit count makes room for the repair first.
     let room = if exact { budget.min(target - 1) } else { 0 };
     let reduced = if room > 0 { thinned.further(target - room, thin) } else { thinned };
-    let start = if room > 0 { placement(&reduced.kept)? } else { plain.clone() };
+    let start =
+        if room > 0 { placement(&found.positions, &reduced.kept, receivers, &sees, settings)? } else { plain.clone() };
     let budget = if exact { room } else { budget };
     let added = coverage.repair(&start.0, &start.1, receivers, &found.positions, &reduced.removed, budget);
     let mut best = plain;
     if !added.is_empty() {
         let repaired = reduced.with(&added);
         let total = if exact { target } else { repaired.kept.len() };
-        let trial = placement(&repaired.padded(total))?;
+        let trial = placement(&found.positions, &repaired.padded(total), receivers, &sees, settings)?;
         let unseen = coverage.unseen_share(&trial.0, &trial.1);
         if unseen < unseen_before {
             report.unseen_after = unseen;
@@ -287,34 +272,21 @@ pub fn place(
     Ok((probes, support, report))
 }
 
-/// Links receivers to probes at given places and with given radii, as [`place`] does with those that it finds.
+/// Links receivers to probes at given places, as [`place`] does with those that it finds.
 ///
 /// # Errors
 ///
 /// [`PlacementError::InvalidOption`], [`PlacementError::NoReceivers`], [`PlacementError::TooManyPairs`].
 pub fn link(
     caster: &RayCaster,
-    probes: &ProbeSet,
+    probes: &[Vec3],
     receivers: &[Vec3],
     normals: &[Vec3],
     settings: &BakeSettings,
-) -> Result<Support, PlacementError> {
+) -> Result<(ProbeSet, Support), PlacementError> {
     check(settings)?;
-    Ok(radius::link(receivers, probes, &sight(caster, receivers, normals), settings)?.0)
-}
-
-/// Links points in the open to probes; `sees` tells whether a point, by index, and a probe see each other.
-///
-/// # Errors
-///
-/// [`PlacementError::NoReceivers`], [`PlacementError::TooManyPairs`].
-pub fn link_points(
-    points: &[Vec3],
-    probes: &ProbeSet,
-    sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
-    settings: &BakeSettings,
-) -> Result<Support, PlacementError> {
-    Ok(support(points, &probes.positions, &probes.radius_m, sees, settings)?.1)
+    let (probes, support, _) = support(receivers, probes, &sight(caster, receivers, normals), settings)?;
+    Ok((probes, support))
 }
 
 /// Whether a receiver, by index, and a probe see each other.
@@ -327,6 +299,18 @@ fn sight<'a>(
         let (position, normal) = (receivers[receiver], normals[receiver]);
         normal.dot(probe - position) > caster.offset_m() && caster.visible(position + normal * caster.offset_m(), probe)
     }
+}
+
+/// Probes at some of the candidates, with their radius and support.
+fn placement(
+    candidates: &[Vec3],
+    chosen: &[u32],
+    receivers: &[Vec3],
+    sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
+    settings: &BakeSettings,
+) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
+    let positions: Vec<Vec3> = chosen.iter().map(|&index| candidates[index as usize]).collect();
+    support(receivers, &positions, sees, settings)
 }
 
 fn check(settings: &BakeSettings) -> Result<(), PlacementError> {

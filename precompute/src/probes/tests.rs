@@ -1,6 +1,5 @@
 use super::{
-    Coverage, Overlap, PlacementError, PlacementReport, ProbeSet, Support, candidates, place, reduce, support,
-    target_count,
+    Coverage, PlacementError, PlacementReport, ProbeSet, Support, candidates, place, reduce, support, target_count,
 };
 use crate::{
     rays::RayCaster,
@@ -17,20 +16,10 @@ use localprt_scenes::Scene;
 
 type Placed = (ProbeSet, Support, PlacementReport);
 
-/// Support by probes that reach equally far.
-fn even_support(
-    receivers: &[Vec3],
-    probes: &[Vec3],
-    sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
-    settings: &BakeSettings,
-) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
-    support(receivers, probes, &vec![1.0; probes.len()], sees, settings)
-}
-
 fn run(scene: &Scene, receivers: usize, settings: &BakeSettings) -> Result<Placed, PlacementError> {
     let caster = RayCaster::new(scene).unwrap();
     let rho = spacing(scene.bounds().unwrap(), settings);
-    let grid = VoxelGrid::build(scene, &caster, rho, &LocalScale::uniform(), settings).unwrap();
+    let grid = VoxelGrid::build(scene, &caster, rho, f32::INFINITY, settings).unwrap();
     let (points, normals) = surface_points(scene, receivers);
     place(&caster, &grid, rho, &LocalScale::uniform(), &points, &normals, settings)
 }
@@ -75,14 +64,8 @@ fn candidates_are_open_and_clear_of_surfaces() {
     let scene = two_rooms_with_blocks();
     let caster = RayCaster::new(&scene).unwrap();
     let settings = BakeSettings::default();
-    let grid = VoxelGrid::build(
-        &scene,
-        &caster,
-        spacing(scene.bounds().unwrap(), &settings),
-        &LocalScale::uniform(),
-        &settings,
-    )
-    .unwrap();
+    let grid = VoxelGrid::build(&scene, &caster, spacing(scene.bounds().unwrap(), &settings), f32::INFINITY, &settings)
+        .unwrap();
     let found = candidates(&grid, &caster, 150, 1, 0).unwrap();
     assert!(found.positions.len() > 2000, "{}", found.positions.len());
     for &position in &found.positions {
@@ -118,7 +101,7 @@ fn too_few_surface_voxels_are_filled_up_from_the_open() {
     let scene = scene(&[room(Vec3::ZERO, Vec3::splat(1.6))], false);
     let caster = RayCaster::new(&scene).unwrap();
     let settings = BakeSettings { voxel: Some(0.1), ..exactly(2000) };
-    let grid = VoxelGrid::build(&scene, &caster, 0.2, &LocalScale::uniform(), &settings).unwrap();
+    let grid = VoxelGrid::build(&scene, &caster, 0.2, f32::INFINITY, &settings).unwrap();
     assert!(candidates(&grid, &caster, 1000, 1, 0).unwrap().positions.len() < 2000);
     let found = candidates(&grid, &caster, 2000, 1, 0).unwrap();
     assert!(found.positions.len() >= 2000, "{}", found.positions.len());
@@ -229,21 +212,21 @@ fn the_radius_gives_ten_probes_on_average_and_three_to_everyone() {
     let mut receivers = random_points(5000, 10.0);
     // A far corner that would have none.
     receivers.extend((0..50).map(|index| Vec3::splat(30.0 + index as f32)));
-    let (set, links, overlap) = even_support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
+    let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
     // The search ends within 0.01 unless a step of the count is in the way; steps here are 1 / 5050.
     assert!((overlap.mean - 10.0).abs() <= 0.011, "{overlap:?}");
     assert_eq!(overlap.least, 3);
     assert_eq!(links.probes.len(), links.start[receivers.len()] as usize);
     assert!(brute_force_support(&receivers, &probes, &links));
-    assert!(links.radius_m.iter().all(|&radius| radius >= set.radius_m[0]));
+    assert!(links.radius_m.iter().all(|&radius| radius >= set.radius_m));
     for (receiver, position) in receivers.iter().enumerate() {
         let mut distances: Vec<f32> = probes.iter().map(|probe| probe.distance(*position)).collect();
         distances.sort_unstable_by(f32::total_cmp);
-        assert_eq!(links.radius_m[receiver], set.radius_m[0].max(1.05 * distances[2]));
+        assert_eq!(links.radius_m[receiver], set.radius_m.max(1.05 * distances[2]));
     }
     for asked in [1.0, 4.5, 60.0] {
         let settings = BakeSettings { overlap: asked, min_overlap: 0, ..Default::default() };
-        let overlap = even_support(&receivers, &probes, &|_, _| true, &settings).unwrap().2;
+        let overlap = support(&receivers, &probes, &|_, _| true, &settings).unwrap().2;
         assert!((overlap.mean - asked).abs() <= 0.3, "asked for {asked}: {overlap:?}");
     }
 }
@@ -253,22 +236,21 @@ fn few_probes_support_everyone() {
     let receivers = random_points(500, 4.0);
     for count in [1, 2, 9, 10] {
         let probes = random_points(count, 4.0);
-        let (set, links, overlap) = even_support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
+        let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
         assert_eq!((overlap.least, overlap.most), (count as u32, count as u32));
-        assert!(links.radius_m.iter().all(|&radius| radius == set.radius_m[0] && radius.is_finite()));
+        assert!(links.radius_m.iter().all(|&radius| radius == set.radius_m && radius.is_finite()));
     }
     // A probe on the only receiver is still one of its probes.
-    let (_, links, _) = even_support(&[Vec3::ONE], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap();
+    let (_, links, _) = support(&[Vec3::ONE], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap();
     assert_eq!(links.of(0), [0]);
-    let error = even_support(&[], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap_err();
+    let error = support(&[], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap_err();
     assert_eq!(error, PlacementError::NoReceivers);
 }
 
 #[test]
 fn a_minimum_above_the_overlap_wins() {
     let settings = BakeSettings { overlap: 2.0, min_overlap: 6, ..Default::default() };
-    let (_, _, overlap) =
-        even_support(&random_points(300, 1.0), &random_points(100, 1.0), &|_, _| true, &settings).unwrap();
+    let (_, _, overlap) = support(&random_points(300, 1.0), &random_points(100, 1.0), &|_, _| true, &settings).unwrap();
     // 1.05 times the sixth distance holds 1.05^3 = 1.16 times 6 probes at even density, at most.
     assert!(overlap.least >= 6 && overlap.mean < 7.5, "{overlap:?}");
 }
@@ -299,7 +281,7 @@ fn candidates_stand_off_surfaces_as_far_as_the_space_allows() {
         let scene = scene(&[room(Vec3::ZERO, size)], false);
         let caster = RayCaster::new(&scene).unwrap();
         let settings = BakeSettings { voxel: Some(0.2), ..Default::default() };
-        let grid = VoxelGrid::build(&scene, &caster, 1.0, &LocalScale::uniform(), &settings).unwrap();
+        let grid = VoxelGrid::build(&scene, &caster, 1.0, f32::INFINITY, &settings).unwrap();
         let found = candidates(&grid, &caster, 50, layer, 0).unwrap();
         assert!(found.positions.len() > 200, "{}", found.positions.len());
         // Walls lie within solid voxels, so a layer's middle is off by up to half a voxel, and positions by as much.
@@ -346,7 +328,7 @@ fn coverage_of_one_probe_is_what_it_sees() {
     let coverage = Coverage::sample(&caster, &receivers, &normals, 0);
     assert_eq!(coverage.samples.len(), 32 * receivers.len());
     let share = |probe: Vec3| {
-        let (set, links, _) = even_support(&receivers, &[probe], &|_, _| true, &BakeSettings::default()).unwrap();
+        let (set, links, _) = support(&receivers, &[probe], &|_, _| true, &BakeSettings::default()).unwrap();
         coverage.unseen_share(&set, &links)
     };
     assert_eq!(share(Vec3::new(0.3, 1.7, 1.1)), 0.0);
@@ -419,7 +401,7 @@ fn what_cannot_be_placed_is_named() {
     let error = run(&closed, 100, &coarse).unwrap_err();
     assert!(matches!(error, PlacementError::NoOpenSpace { .. }), "{error}");
     let caster = RayCaster::new(&closed).unwrap();
-    let grid = VoxelGrid::build(&closed, &caster, 0.5, &LocalScale::uniform(), &BakeSettings::default()).unwrap();
+    let grid = VoxelGrid::build(&closed, &caster, 0.5, f32::INFINITY, &BakeSettings::default()).unwrap();
     let error = place(&caster, &grid, 0.5, &LocalScale::uniform(), &[], &[], &BakeSettings::default()).unwrap_err();
     assert_eq!(error, PlacementError::NoReceivers);
 }

@@ -18,14 +18,22 @@
 //! t^6 ~ R^4 / W                                                                    (S1)
 //! ```
 //!
-//! W being how much is seen of an area ([`importance`]). Texels and the distances between probes follow it; where large faces are cut
+//! W being how much is seen of an area, relative to what is typical ([`importance`]). Texels and the distances between probes follow it; where large faces are cut
 //! goes with R alone.
+//!
+//! In crevices R goes to zero, and there are always more of them the closer one looks. It is followed down to a finest scale ε, of which
+//! the texels there are a fixed share (S1): what is finer than texels cannot be told. With n squares of edge t in all and k² of them on
+//! a square of ε,
+//!
+//! ```text
+//! ∫ t^-2 dA = n / k²,   t = ε (max(R, ε) / ε)^(4/6) W^(-1/6)                          (S2)
+//! ```
 
 mod importance;
 mod samples;
 mod tree;
 
-pub use importance::importance;
+pub use importance::{Seen, importance};
 pub use samples::measure;
 
 use glam::Vec3;
@@ -37,14 +45,16 @@ use tree::Tree;
 pub const RANGE: f32 = 64.0;
 /// Powers of R and W that texels go with (S1).
 const POWERS: [f32; 2] = [4.0 / 6.0, -1.0 / 6.0];
-/// The finest scale that texels, and that probes follow: where this share of all detail, the sum of area over R, is finer. Below are
-/// crevices that hardly anybody sees into.
-const FINEST_SHARE: [f64; 2] = [0.1, 0.5];
-/// Probes are spread evenly where the scale is less than this many times the finest that they follow: across a room, more of them
-/// in its corners take more from its middle than they give.
-const EVEN: f32 = 4.0;
-/// Hits that every face has beside those that it got.
-pub const LEAST_SEEN: f64 = 0.1;
+/// Receivers on a square of the finest scale that texels follow: with fewer, light cannot be told to vary.
+const RECEIVERS_OF_TEXELS: f64 = 8.0;
+/// The same for the finest scale that charts are cut for, and that somebody stands before.
+const RECEIVERS_OF_CHARTS: f64 = 32.0;
+/// Probes over a square of the finest scale that they follow.
+const PROBES_OF_SPACING: f64 = 1.0;
+/// Scales finer than this share of the coarsest are not followed.
+const FINEST_OF_COARSEST: f64 = 1e-6;
+/// Spacings within this factor count as even.
+const MOST_EVEN: f32 = 4.0;
 /// Texels are this many times finer within a focus, and probes as much closer.
 const FOCUS: f32 = 2.0;
 
@@ -61,7 +71,7 @@ pub struct Sample {
     pub area_m2: f32,
     /// The face that it lies on.
     pub face: u32,
-    /// W: how often its face is seen, per square metre; 1 before anybody has looked.
+    /// W: how often its face is seen, per square metre, relative to what is typical; 1 before anybody has looked.
     pub seen: f32,
 }
 
@@ -80,50 +90,74 @@ pub struct LocalScale {
     samples: Vec<Sample>,
     tree: Option<Tree>,
     focus: Vec<Focus>,
+    receivers: u32,
     /// Finest scale for texels, metres.
     finest_m: f32,
-    /// Finest scale for probes, metres.
-    finest_of_probes_m: f32,
+    /// Finest scale for charts, metres.
+    finest_of_charts_m: f32,
 }
 
 impl LocalScale {
     /// The same scale everywhere: even densities.
     pub fn uniform() -> Self {
-        Self { samples: Vec::new(), tree: None, focus: Vec::new(), finest_m: 1.0, finest_of_probes_m: 1.0 }
+        Self {
+            samples: Vec::new(),
+            tree: None,
+            focus: Vec::new(),
+            receivers: 0,
+            finest_m: 1.0,
+            finest_of_charts_m: 1.0,
+        }
     }
 
-    /// Of samples; `extent_m` is the diagonal of the scene box.
-    pub fn of(samples: Vec<Sample>, extent_m: f32, focus: Vec<Focus>) -> Self {
+    /// Of samples, for so many receivers; `extent_m` is the diagonal of the scene box.
+    pub fn of(samples: Vec<Sample>, extent_m: f32, receivers: u32, focus: Vec<Focus>) -> Self {
         let points = samples.iter().map(|sample| (sample.position, sample.scale_m.min(extent_m))).collect();
         let Some(tree) = Tree::new(points) else { return Self::uniform() };
-        let mut scale = Self { samples, tree: Some(tree), focus, finest_m: 1.0, finest_of_probes_m: 1.0 };
-        [scale.finest_m, scale.finest_of_probes_m] = FINEST_SHARE.map(|share| scale.quantile(share, extent_m));
+        let mut scale = Self { samples, tree: Some(tree), focus, receivers, finest_m: 1.0, finest_of_charts_m: 1.0 };
+        scale.find_finest();
         scale
     }
 
-    /// Takes in how often each face of the scene is seen.
-    pub fn look(&mut self, scene: &Scene, hits: &[u32]) {
-        let seen: Vec<f32> = scene
-            .faces()
-            .zip(hits)
-            .map(|((mesh, triangle), &hits)| {
-                ((f64::from(hits) + LEAST_SEEN) / scene.area_m2(mesh, triangle).max(f64::MIN_POSITIVE)) as f32
-            })
-            .collect();
-        for sample in &mut self.samples {
-            sample.seen = seen.get(sample.face as usize).copied().unwrap_or(1.0);
-        }
-        self.finest_of_probes_m = self.quantile(FINEST_SHARE[1], scene.extent());
+    fn find_finest(&mut self) {
+        let receivers = f64::from(self.receivers);
+        self.finest_m = self.finest(receivers / RECEIVERS_OF_TEXELS);
+        self.finest_of_charts_m = self.finest(receivers / RECEIVERS_OF_CHARTS);
     }
 
-    /// The scale below which this share of all detail that is seen lies.
-    fn quantile(&self, share: f64, extent_m: f32) -> f32 {
-        let scales = self.samples.iter().map(|sample| {
-            let scale_m = self.at(sample.position);
-            let detail = f64::from(sample.area_m2) / f64::from(scale_m.max(f32::MIN_POSITIVE));
-            (scale_m, detail * f64::from(sample.seen))
-        });
-        weighted_quantile(scales, share).unwrap_or(extent_m).max(f32::MIN_POSITIVE)
+    /// Takes in how much of each face of the scene is seen.
+    pub fn look(&mut self, scene: &Scene, seen: &Seen) {
+        let faces: Vec<(usize, usize)> = scene.faces().collect();
+        for sample in &mut self.samples {
+            let (mesh, triangle) = faces[sample.face as usize];
+            sample.seen = seen.density([(sample.face as usize, scene.area_m2(mesh, triangle))].into_iter());
+        }
+        self.find_finest();
+    }
+
+    /// ε of (S2) for so many squares of its own edge, metres.
+    fn finest(&self, squares: f64) -> f32 {
+        let weighted =
+            |sample: &Sample| f64::from(sample.area_m2) * f64::from(sample.seen).powf(-2.0 * f64::from(POWERS[1]));
+        let areas: Vec<(f64, f64)> = self
+            .samples
+            .iter()
+            .map(|sample| (f64::from(self.at(sample.position)), weighted(sample)))
+            .filter(|(_, area_m2)| *area_m2 > 0.0)
+            .collect();
+        let count = |finest_m: f64| -> f64 {
+            let edge_m = |scale_m: f64| finest_m * (scale_m.max(finest_m) / finest_m).powf(f64::from(POWERS[0]));
+            areas.iter().map(|&(scale_m, area_m2)| area_m2 / edge_m(scale_m).powi(2)).sum()
+        };
+        let whole_m2: f64 = areas.iter().map(|(_, area_m2)| area_m2).sum();
+        let coarsest_m = areas.iter().map(|(scale_m, _)| *scale_m).fold((whole_m2 / squares).sqrt(), f64::max);
+        // Rises with what is counted: by halving the range of its logarithm.
+        let (mut low, mut high) = (coarsest_m * FINEST_OF_COARSEST, coarsest_m);
+        for _ in 0..40 {
+            let middle = (low * high).sqrt();
+            if count(middle) > squares { low = middle } else { high = middle }
+        }
+        (high as f32).max(f32::MIN_POSITIVE)
     }
 
     /// Whether it is the same everywhere.
@@ -146,9 +180,9 @@ impl LocalScale {
         self.not_below(self.finest_m, position)
     }
 
-    /// R at a place, metres, but not below the finest scale of probes; lower within a focus. Where this differs much, charts are cut.
+    /// R at a place, metres, but not below the finest scale of charts; lower within a focus. Where this differs much, charts are cut.
     pub fn of_charts(&self, position: Vec3) -> f32 {
-        self.not_below(self.finest_of_probes_m, position)
+        self.not_below(self.finest_of_charts_m, position)
     }
 
     fn not_below(&self, least_m: f32, position: Vec3) -> f32 {
@@ -160,11 +194,26 @@ impl LocalScale {
         if self.is_uniform() { 1.0 } else { scale_m.powf(POWERS[0]) * seen.powf(POWERS[1]) }
     }
 
-    /// What the distance between probes near a sample is in proportion to (S1), less within a focus. Of `samples` by index.
-    pub fn spacing(&self, index: usize) -> f32 {
-        let sample = &self.samples[index];
-        let scale_m = self.at(sample.position).max(EVEN * self.finest_of_probes_m);
-        scale_m.powf(POWERS[0]) * sample.seen.powf(POWERS[1]) / self.focus(sample.position)
+    /// ε of so many probes: how close they stand where they stand closest, metres.
+    pub fn closest(&self, probes: usize) -> f32 {
+        if self.is_uniform() { f32::INFINITY } else { self.finest(probes as f64 / PROBES_OF_SPACING) }
+    }
+
+    /// `[n_samples]` what the distance between so many probes is in proportion to (S1) near each sample, less within a focus; `None` if
+    /// they are as well spread evenly: of what is seen, nine tenths ask for spacings within a factor.
+    pub fn spacing(&self, probes: usize) -> Option<Vec<f32>> {
+        let finest_m = self.closest(probes);
+        let spacing = |sample: &Sample| {
+            let scale_m = self.at(sample.position).max(finest_m);
+            scale_m.powf(POWERS[0]) * sample.seen.powf(POWERS[1]) / self.focus(sample.position)
+        };
+        let spacing: Vec<f32> = self.samples.iter().map(spacing).collect();
+        let of_seen = || {
+            let seen = self.samples.iter().map(|sample| f64::from(sample.area_m2) * f64::from(sample.seen));
+            spacing.iter().copied().zip(seen)
+        };
+        let [close, far] = [0.05, 0.95].map(|share| weighted_quantile(of_seen(), share));
+        (far? >= MOST_EVEN * close?).then_some(spacing)
     }
 
     /// How much finer a focus makes texels: fading over its own radius.
@@ -181,9 +230,9 @@ impl LocalScale {
         self.finest_m
     }
 
-    /// Finest scale for probes, metres.
-    pub fn finest_of_probes_m(&self) -> f32 {
-        self.finest_of_probes_m
+    /// Finest scale for charts, metres.
+    pub fn finest_of_charts_m(&self) -> f32 {
+        self.finest_of_charts_m
     }
 }
 
@@ -240,8 +289,8 @@ mod tests {
     fn scale_grows_no_faster_than_distance() {
         let scene = localprt_scenes::builtin::scene("cornell").unwrap();
         let caster = RayCaster::new(&scene).unwrap();
-        let scale = LocalScale::of(measure(&caster, 4000), scene.extent(), Vec::new());
-        assert!(scale.finest_m > 0.01 && scale.finest_m < scale.finest_of_probes_m, "{}", scale.finest_m);
+        let scale = LocalScale::of(measure(&caster, 4000), scene.extent(), 60_000, Vec::new());
+        assert!(scale.finest_m < scale.finest_of_charts_m, "{} {}", scale.finest_m, scale.finest_of_charts_m);
         let at = |x: f32| Vec3::new(x, 0.7 + 0.1 * x, 0.3);
         for step in 0..100 {
             let (a, b) = (at(-0.9 + 0.018 * step as f32), at(-0.9 + 0.018 * (step + 1) as f32));
@@ -254,29 +303,57 @@ mod tests {
     }
 
     #[test]
+    fn the_finest_scale_is_that_of_a_few_texels() {
+        let sample = |scale_m, area_m2| Sample {
+            position: Vec3::X * 1000.0 * scale_m,
+            normal: Vec3::Y,
+            scale_m,
+            area_m2,
+            face: 0,
+            seen: 1.0,
+        };
+        // Squares of (S2) at a finest scale of 0.125 m: 64 of a crevice and 4 of each square metre at a scale of 1 m.
+        let squares = 64.0 * 2.0 + 4.0 * 3.0;
+        let scale = LocalScale::of(vec![sample(0.001, 2.0), sample(1.0, 3.0)], 1e4, 1120, Vec::new());
+        assert!((scale.finest(squares) - 0.125).abs() < 1e-6);
+        assert!((scale.finest_m - 0.125).abs() < 1e-6);
+        // What is never seen counts for nothing.
+        let mut unseen = scale.clone();
+        unseen.samples[0].seen = 0.0;
+        assert!((unseen.finest(4.0 * 3.0) - 0.125).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_focus_halves_texels_and_spacings_and_fades() {
         let sample = Sample { position: Vec3::ZERO, normal: Vec3::Y, scale_m: 1.0, area_m2: 1.0, face: 0, seen: 1.0 };
         let focus = Focus { center: Vec3::ZERO, radius_m: 0.01 };
-        let scale = LocalScale::of(vec![sample], 100.0, vec![focus]);
+        let scale = LocalScale::of(vec![sample], 100.0, 60_000, vec![focus]);
         let texel = |x: f32| scale.texel(scale.of_texels(Vec3::X * x), 1.0);
-        // Probes follow no scale finer than EVEN times 1 m.
-        assert!((texel(0.0) - 0.5).abs() < 1e-6 && (scale.spacing(0) - EVEN.powf(POWERS[0]) / 2.0).abs() < 1e-6);
+        assert!((texel(0.0) - 0.5).abs() < 1e-6);
         assert!((texel(0.015) - 1.015f32.powf(2.0 / 3.0) / 1.5).abs() < 1e-4);
         assert!((texel(1.0) - 2.0f32.powf(2.0 / 3.0)).abs() < 1e-6);
     }
 
     #[test]
-    fn what_nobody_sees_is_not_important() {
+    fn what_people_stand_before_is_seen_and_a_far_plain_hardly() {
         use crate::{settings::BakeSettings, voxels::VoxelGrid};
-        let scene = localprt_scenes::builtin::scene("two-rooms").unwrap();
+        let scene = localprt_scenes::builtin::scene("room-on-plain").unwrap();
         let caster = RayCaster::new(&scene).unwrap();
-        let mut scale = LocalScale::of(measure(&caster, 4000), scene.extent(), Vec::new());
-        let grid = VoxelGrid::build(&scene, &caster, 0.5, &scale, &BakeSettings::default()).unwrap();
-        let hits = importance(&scale, &grid, &caster);
-        assert_eq!(hits.len(), scene.face_count());
-        assert_eq!(hits, importance(&scale, &grid, &caster));
-        assert!(hits.iter().sum::<u32>() > 100_000);
-        scale.look(&scene, &hits);
-        assert!(scale.samples().iter().all(|sample| sample.seen > 0.0 && sample.seen.is_finite()));
+        let mut scale = LocalScale::of(measure(&caster, 4000), scene.extent(), 60_000, Vec::new());
+        let grid = VoxelGrid::build(&scene, &caster, 16.0, scale.closest(150), &BakeSettings::default()).unwrap();
+        let seen = importance(&scale, &grid, &caster);
+        assert_eq!(seen, importance(&scale, &grid, &caster), "by chance");
+        let of_mesh = |name: &str| {
+            let faces = scene.faces().enumerate().filter(|(_, (mesh, _))| scene.meshes[*mesh].name == name);
+            seen.density(faces.map(|(face, (mesh, triangle))| (face, scene.area_m2(mesh, triangle))))
+        };
+        let [floor, table, plain] = ["floor", "table", "plain"].map(of_mesh);
+        assert!(floor > 50.0 * plain && table > 50.0 * plain, "{floor} {table} {plain}");
+        scale.look(&scene, &seen);
+        assert!(scale.spacing(150).is_some());
+        // A face far too small to be hit counts as typical, not as the brightest of all.
+        let speck = seen.density([(0, 1e-12)].into_iter());
+        let hits = f64::from(seen.hits[0]) as f32;
+        assert!((speck / ((hits + 4.0) / 4.0) - 1.0).abs() < 1e-3);
     }
 }

@@ -6,7 +6,10 @@ use super::{
 };
 use crate::rays::{OccluderHint, SurfaceHit, frame};
 use glam::Vec3;
-use localprt_formats::sh::{self, Directions, LANES};
+use localprt_formats::{
+    sh::{self, Directions, LANES},
+    weight::weight_kernel,
+};
 
 /// Below this sum of weights a point counts as seen by no probe: only a guard of the division in Eq. (4).
 const LEAST_WEIGHT: f32 = 1e-6;
@@ -140,9 +143,14 @@ pub(super) fn receiver_rows(
     let receiver_basis = sh::Basis::new(gather.receiver_degree());
 
     let support = scene.support.of(receiver);
-    let weights = scene.support.weights_of(receiver);
-    let probes: Vec<(Vec3, f32)> =
-        support.iter().zip(weights).map(|(&id, &weight)| (scene.probes.positions[id as usize], weight)).collect();
+    let radius = scene.support.radius_m[receiver];
+    let probes: Vec<(Vec3, f32)> = support
+        .iter()
+        .map(|&id| {
+            let probe = scene.probes.positions[id as usize];
+            (probe, weight_kernel(position.distance(probe) / radius))
+        })
+        .collect();
 
     workspace.weights.resize(n_k, 0.0);
     workspace.batches.resize_with(support.len(), Batch::default);

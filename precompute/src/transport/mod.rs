@@ -20,7 +20,7 @@ use crate::{
     rays::RayCaster,
 };
 use glam::Vec3;
-use localprt_formats::sh;
+use localprt_formats::{sh, weight::weight_kernel};
 
 /// What transport rows are made from; the same for all leaves of a bake.
 pub struct TransportScene<'a> {
@@ -112,10 +112,11 @@ impl TransportScene<'_> {
                 .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
             let mut weights = vec![0.0; probes.len()];
             for &member in members {
-                let support = self.support.of(member as usize).iter().zip(self.support.weights_of(member as usize));
-                for (id, weight) in support {
+                let (position, radius) = (place(&member), self.support.radius_m[member as usize]);
+                for id in self.support.of(member as usize) {
+                    let probe = self.probes.positions[*id as usize];
                     let at = probes.binary_search(id).expect("probe is in the union");
-                    weights[at] += weight / members.len() as f32;
+                    weights[at] += weight_kernel(position.distance(probe) / radius) / members.len() as f32;
                 }
             }
             fit.leaf(bounds, &probes, &weights, self.probe_basis.len())

@@ -3,7 +3,6 @@
 use super::*;
 use glam::Vec3;
 use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
-use localprt_formats::weight::weight_kernel;
 use localprt_scenes::{Material, Mesh, Scene};
 use std::f32::consts::PI;
 
@@ -52,15 +51,10 @@ impl Setup {
                 chart: vec![0; n],
                 ..ReceiverSet::default()
             },
-            probes: ProbeSet { positions: probes.to_vec(), radius_m: vec![radius_m; probes.len()] },
+            probes: ProbeSet { positions: probes.to_vec(), radius_m },
             support: Support {
                 start: (0..=n as u32).map(|i| i * probes.len() as u32).collect(),
                 probes: (0..n).flat_map(|_| 0..probes.len() as u32).collect(),
-                weights: receivers
-                    .iter()
-                    .flat_map(|receiver| probes.iter().map(move |probe| (receiver.0, *probe)))
-                    .map(|(receiver, probe)| weight_kernel(receiver.distance(probe) / radius_m))
-                    .collect(),
                 radius_m: vec![radius_m; n],
             },
         }
@@ -86,10 +80,8 @@ impl Setup {
         let members: Vec<u32> = (0..self.receivers.len() as u32).collect();
         let [probe_basis, sky_basis] = degrees.map(sh::Basis::new);
         let atlas = crate::lightmap::Atlas::default();
-        let fit = fitted.then(|| {
-            let (probes, support) = (&self.probes, &self.support);
-            FitScene::new(&caster, &atlas, &self.receivers, probes, support, RELIGHT_RAYS, &probe_basis)
-        });
+        let fit =
+            fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
         let transport = TransportScene {
             caster: &caster,
             receivers: &self.receivers,

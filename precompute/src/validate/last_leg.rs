@@ -36,7 +36,10 @@ use crate::{
     transport::{GatherSet, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
-use localprt_formats::sh::{self, Basis, Directions, LANES};
+use localprt_formats::{
+    sh::{self, Basis, Directions, LANES},
+    weight::weight_kernel,
+};
 use localprt_runtime::DEFAULT_FEEDBACK_ALBEDO_CAP;
 use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
@@ -234,8 +237,13 @@ impl<'a> Leg<'a> {
 
     /// Positions of the supporting probes, metres, and their weights w_i.
     fn probes(&self, receiver: u32) -> Vec<(Vec3, f32)> {
-        let weighted = |(&id, &weight): (&u32, &f32)| (self.subject.probe_positions()[id as usize], weight);
-        self.subject.supporting(receiver).iter().zip(self.subject.weights(receiver)).map(weighted).collect()
+        let position = self.subject.point(receiver).position;
+        let radius = self.subject.radius_m(receiver);
+        let weighted = |&id: &u32| {
+            let probe = self.subject.probe_positions()[id as usize];
+            (probe, weight_kernel(position.distance(probe) / radius))
+        };
+        self.subject.supporting(receiver).iter().map(weighted).collect()
     }
 
     /// Outgoing radiance of a surface point in the last gather: what the light map holds there, without its texels.

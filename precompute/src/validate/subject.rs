@@ -85,9 +85,13 @@ impl<'a> Subject<'a> {
             return Err(does_not_fit(&format!("{strays} of its {count} receivers stand elsewhere on this scene")));
         }
         let positions: Vec<Vec3> = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
-        let probes = ProbeSet { positions, radius_m: view.probes.iter().map(|probe| probe.support_radius_m).collect() };
-        let support = probes::link(caster, &probes, &placed.position, &placed.geometric_normal, &settings)
+        let (probes, support) = probes::link(caster, &positions, &placed.position, &placed.geometric_normal, &settings)
             .map_err(|error| does_not_fit(&error.to_string()))?;
+        let stored_m = view.probes.first().map_or(0.0, |probe| probe.support_radius_m);
+        // The search ends on the same radius for the same receivers and probes.
+        if (probes.radius_m - stored_m).abs() > 1e-5 * stored_m {
+            return Err(does_not_fit(&format!("its support radius is {stored_m} m, not {} m", probes.radius_m)));
+        }
 
         for (receiver, &texel) in view.receiver_texel.iter().enumerate() {
             at_texel[texel as usize] = receiver as u32;
@@ -99,9 +103,7 @@ impl<'a> Subject<'a> {
         let probe_basis = sh::Basis::new(metadata.probe_degree);
         let fit = match settings.transport {
             Transport::Paper => None,
-            Transport::Fitted => {
-                Some(FitScene::new(caster, &atlas, &placed, &probes, &support, metadata.n_rays, &probe_basis))
-            }
+            Transport::Fitted => Some(FitScene::new(caster, &atlas, &placed, &probes, metadata.n_rays, &probe_basis)),
         };
         let leaves = leaves(&placed.position, settings.leaf as usize);
         let mut leaf_of = vec![0; placed.len()];
@@ -197,11 +199,6 @@ impl<'a> Subject<'a> {
     /// Supporting probes of a receiver in file order.
     pub fn supporting(&self, receiver: u32) -> &[u32] {
         self.support.of(self.place(receiver) as usize)
-    }
-
-    /// Their weights.
-    pub fn weights(&self, receiver: u32) -> &[f32] {
-        self.support.weights_of(self.place(receiver) as usize)
     }
 
     /// Radius of the weight kernel at a receiver in file order, metres.

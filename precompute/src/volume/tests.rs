@@ -39,8 +39,7 @@ fn cells_inside_walls_take_the_nearest_in_the_open() {
     let bounds = scene.bounds().expect("a box");
     let caster = RayCaster::new(&scene).expect("tree");
     let rho = voxels::spacing(bounds, &BakeSettings::default());
-    let voxels = VoxelGrid::build(&scene, &caster, rho, &crate::scale::LocalScale::uniform(), &BakeSettings::default())
-        .expect("voxels");
+    let voxels = VoxelGrid::build(&scene, &caster, rho, f32::INFINITY, &BakeSettings::default()).expect("voxels");
     let spacing_m = (bounds.1 - bounds.0).max_element() / 8.0;
     let found = cells(grid(bounds, spacing_m, 1).expect("few cells"), &voxels, &caster);
     let is_inside = |cell: u32| {

@@ -17,7 +17,7 @@ mod tests;
 pub use flood_fill::{MAX_BACK_SHARE, Surroundings, surroundings};
 pub use spacing::{DEFAULT_PROBES, grid_points, spacing, spacing_for};
 
-use crate::{rays::RayCaster, scale::LocalScale, settings::BakeSettings};
+use crate::{rays::RayCaster, settings::BakeSettings};
 use glam::{DVec3, UVec3, Vec3};
 use localprt_scenes::Scene;
 
@@ -34,8 +34,8 @@ const LEAST_VOXELS_LONGEST: f64 = 32.0;
 const LEAST_VOXELS_SHORTEST: f64 = 8.0;
 /// That rule makes voxels no smaller than this fraction of the longest side.
 const MOST_VOXELS_LONGEST: f64 = 256.0;
-/// Default voxel over the finest local scale.
-const VOXELS_OF_SCALE: f32 = 1.0;
+/// Where probes stand closer than rho, the grid takes at most this share of [`MAX_VOXELS`] for it.
+const MOST_FOR_CLOSER: u64 = 16;
 /// Voxels are at least this many roundings of the largest coordinate, so that neighboring centres differ.
 const LEAST_ROUNDINGS: f64 = 8.0;
 
@@ -125,9 +125,9 @@ pub enum VoxelError {
 impl VoxelGrid {
     /// Rasterises a scene and finds its open space.
     ///
-    /// `rho` is the probe spacing in metres. A voxel measures `settings.voxel`, or rho / 6, less where that would not
-    /// resolve the scene box (32 voxels along its longest side, 8 along its shortest) or its finest local scale, the latter with
-    /// a sixteenth of the voxels that a grid may have, and more where the grid would pass [`MAX_VOXELS`].
+    /// `rho` is the probe spacing in metres, `closest_m` the one where probes stand closest. A voxel measures `settings.voxel`, or
+    /// rho / 6, less where that would not resolve the scene box (32 voxels along its longest side, 8 along its shortest), as small as
+    /// `closest_m` / 6 as far as a sixteenth of [`MAX_VOXELS`] goes, and more where the grid would pass [`MAX_VOXELS`].
     ///
     /// # Errors
     ///
@@ -136,14 +136,14 @@ impl VoxelGrid {
         scene: &Scene,
         caster: &RayCaster,
         rho: f32,
-        scale: &LocalScale,
+        closest_m: f32,
         settings: &BakeSettings,
     ) -> Result<Self, VoxelError> {
         let (low, high) = scene.bounds().ok_or(VoxelError::EmptyScene)?;
         if !low.is_finite() || !high.is_finite() {
             return Err(VoxelError::NotFinite { low, high });
         }
-        let voxel_m = voxel_size((low, high), rho, scale, settings)?;
+        let voxel_m = voxel_size((low, high), rho, closest_m, settings)?;
         let origin = (low.as_dvec3() - PADDING * f64::from(voxel_m)).as_vec3();
         let cells = axis_voxels(high.as_dvec3() - low.as_dvec3(), f64::from(voxel_m));
         let size = UVec3::new(cells.x as u32, cells.y as u32, cells.z as u32);
@@ -201,12 +201,7 @@ impl VoxelGrid {
 }
 
 /// Edge of a voxel in metres, by the rules of [`VoxelGrid::build`].
-fn voxel_size(
-    (low, high): (Vec3, Vec3),
-    rho: f32,
-    scale: &LocalScale,
-    settings: &BakeSettings,
-) -> Result<f32, VoxelError> {
+fn voxel_size((low, high): (Vec3, Vec3), rho: f32, closest_m: f32, settings: &BakeSettings) -> Result<f32, VoxelError> {
     let positive = |option, value: f32| {
         if value > 0.0 && value.is_finite() { Ok(value) } else { Err(VoxelError::InvalidLength { option, value }) }
     };
@@ -229,10 +224,8 @@ fn voxel_size(
         voxel_m = voxel_m.min(longest / LEAST_VOXELS_LONGEST).min((shortest / LEAST_VOXELS_SHORTEST).max(flat));
     }
     let mut voxel_m = voxel_m as f32;
-    if !scale.is_uniform() {
-        let affordable_m = smallest_voxel(extent, largest_coordinate, MAX_VOXELS / 16);
-        voxel_m = voxel_m.min((VOXELS_OF_SCALE * scale.finest_m()).max(affordable_m));
-    }
+    let affordable_m = smallest_voxel(extent, largest_coordinate, MAX_VOXELS / MOST_FOR_CLOSER);
+    voxel_m = voxel_m.min((closest_m / VOXELS_PER_SPACING as f32).max(affordable_m));
     Ok(voxel_m.max(smallest_m))
 }
 

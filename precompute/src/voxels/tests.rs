@@ -4,20 +4,14 @@ use super::{
     spacing, spacing_for,
     test_scenes::{block, flipped, rectangle, room, scene, sphere},
 };
-use crate::{rays::RayCaster, scale::LocalScale, settings::BakeSettings};
+use crate::{rays::RayCaster, settings::BakeSettings};
 use glam::{DVec3, UVec3, Vec3};
 use localprt_formats::directions::counter_uniform;
 use localprt_scenes::Scene;
 
 fn build(scene: &Scene, settings: &BakeSettings) -> Result<VoxelGrid, VoxelError> {
     let caster = RayCaster::new(scene).unwrap();
-    VoxelGrid::build(
-        scene,
-        &caster,
-        spacing(scene.bounds().unwrap_or_default(), settings),
-        &LocalScale::uniform(),
-        settings,
-    )
+    VoxelGrid::build(scene, &caster, spacing(scene.bounds().unwrap_or_default(), settings), f32::INFINITY, settings)
 }
 
 fn with_voxel(voxel: f32) -> BakeSettings {
@@ -217,7 +211,7 @@ fn a_tiny_spacing_does_not_pass_the_memory_cap() {
     let voxels = super::axis_voxels(extent, smallest).element_product();
     assert!(voxels <= MAX_VOXELS as f64 && voxels > 0.9 * MAX_VOXELS as f64, "{voxels}");
     let bounds = (Vec3::ZERO, extent.as_vec3());
-    let size = super::voxel_size(bounds, 0.001, &LocalScale::uniform(), &BakeSettings::default()).unwrap();
+    let size = super::voxel_size(bounds, 0.001, f32::INFINITY, &BakeSettings::default()).unwrap();
     assert_eq!(f64::from(size), smallest);
 }
 

@@ -98,7 +98,7 @@ fn instances(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<Vec<Mesh>, Lo
     // Each primitive is read once, however many nodes draw it.
     let mut shapes: Vec<Option<Vec<_>>> = document.meshes.iter().map(|_| None).collect();
     let mut meshes = Vec::new();
-    for Placed { node, to_world } in placed {
+    for Placed { node, to_world, lightmap } in placed {
         let Some(mesh) = document.nodes[*node].mesh.map(|mesh| mesh.value()) else { continue };
         let data = &document.meshes[mesh];
         let shapes = match &mut shapes[mesh] {
@@ -115,6 +115,7 @@ fn instances(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<Vec<Mesh>, Lo
                 name: name.clone(),
                 source: geometry::place_of(mesh, primitive),
                 material: data.primitives[primitive].material.map_or(NO_MATERIAL, |material| material.value()),
+                lightmap: *lightmap,
                 ..geometry.place(shape, *to_world, *node)?
             });
         }

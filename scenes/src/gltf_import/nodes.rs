@@ -4,7 +4,7 @@ use super::document::{Document, pointer};
 use super::error::{LoadError, Source};
 use super::resources::Limits;
 use crate::lighting::{Light, LightKind};
-use crate::scene::Camera;
+use crate::scene::{Camera, LightmapWish};
 use glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;
@@ -12,10 +12,15 @@ use gltf::json::validation::Checked;
 
 const REPAIR: &str = "correct the node and export again";
 
+/// Values of `texel_scale`.
+const TEXEL_SCALES: std::ops::RangeInclusive<f64> = 1.0 / 64.0..=64.0;
+
 /// A node of the scene with its transform to world space.
 pub(super) struct Placed {
     pub node: usize,
     pub to_world: DMat4,
+    /// Its own, or that of the nearest ancestor with one.
+    pub lightmap: LightmapWish,
 }
 
 /// The nodes of the default scene (else the first, else all roots), depth first, parents before children.
@@ -36,25 +41,61 @@ pub(super) fn place(source: &Source, limits: &Limits, document: &Document) -> Re
         None => (0..document.nodes.len()).filter(|&node| parents[node].is_none()).collect(),
     };
     let mut placed = Vec::new();
-    let mut pending: Vec<(usize, DMat4, usize)> = roots.iter().rev().map(|&root| (root, DMat4::IDENTITY, 0)).collect();
-    while let Some((node, parent, depth)) = pending.pop() {
+    let at_rest = (DMat4::IDENTITY, LightmapWish::default());
+    let mut pending: Vec<_> = roots.iter().rev().map(|&root| (root, at_rest, 0)).collect();
+    while let Some((node, (parent, inherited), depth)) = pending.pop() {
         if depth > limits.depth {
             let (place, limit) = (pointer("nodes", node), limits.depth as u64);
             return Err(source.too_large(place, format!("{depth} levels of nodes"), limit, "flatten the hierarchy"));
         }
         let to_world = parent * local_transform(source, &document.nodes[node], node)?;
+        let lightmap = lightmap_wish(source, document, node, inherited)?;
         for child in document.nodes[node].children.iter().flatten().rev() {
-            pending.push((child.value(), to_world, depth + 1));
+            pending.push((child.value(), (to_world, lightmap), depth + 1));
         }
-        placed.push(Placed { node, to_world });
+        placed.push(Placed { node, to_world, lightmap });
     }
     Ok(placed)
+}
+
+/// What the node's extras say about the lightmap.
+fn lightmap_wish(
+    source: &Source,
+    document: &Document,
+    node: usize,
+    inherited: LightmapWish,
+) -> Result<LightmapWish, LoadError> {
+    let Some(extras) = document.nodes[node].extras.as_ref() else { return Ok(inherited) };
+    // Extras are anybody's: those of others may be anything.
+    let Ok(serde_json::Value::Object(extras)) = serde_json::from_str(extras.get()) else { return Ok(inherited) };
+    let Some(ours) = extras.get("localprt") else { return Ok(inherited) };
+    let place = format!("{}/extras/localprt", pointer("nodes", node));
+    let remedy = "write an object such as {\"texel_scale\": 2.0, \"bake\": true}";
+    let Some(ours) = ours.as_object() else { return Err(source.invalid(place, ours.to_string(), remedy)) };
+    let mut wish = inherited;
+    for (key, value) in ours {
+        let wrong = |remedy| Err(source.invalid(format!("{place}/{key}"), value.to_string(), remedy));
+        match key.as_str() {
+            "texel_scale" => match value.as_f64() {
+                Some(scale) if TEXEL_SCALES.contains(&scale) => wish.texel_scale = scale as f32,
+                _ => return wrong("texel_scale must be from 1/64 to 64: 2.0 gives texels half as large"),
+            },
+            // Custom properties of some modellers are numbers.
+            "bake" => match (value.as_bool(), value.as_f64()) {
+                (Some(bake), _) => wish.bake = bake,
+                (None, Some(number)) => wish.bake = number != 0.0,
+                (None, None) => return wrong("bake must be true or false"),
+            },
+            _ => return wrong("only texel_scale and bake are known"),
+        }
+    }
+    Ok(wish)
 }
 
 /// Lights of the placed nodes, in their order.
 pub(super) fn lights(source: &Source, document: &Document, placed: &[Placed]) -> Result<Vec<Light>, LoadError> {
     let mut lights = Vec::new();
-    for Placed { node, to_world } in placed {
+    for Placed { node, to_world, .. } in placed {
         let extensions = document.nodes[*node].extensions.as_ref();
         let Some(reference) = extensions.and_then(|extensions| extensions.khr_lights_punctual.as_ref()) else {
             continue;
@@ -109,7 +150,7 @@ pub(super) fn lights(source: &Source, document: &Document, placed: &[Placed]) ->
 /// Perspective cameras of the placed nodes, in their order; orthographic ones are left out.
 pub(super) fn cameras(source: &Source, document: &Document, placed: &[Placed]) -> Result<Vec<Camera>, LoadError> {
     let mut cameras = Vec::new();
-    for Placed { node, to_world } in placed {
+    for Placed { node, to_world, .. } in placed {
         let Some(index) = document.nodes[*node].camera else { continue };
         let camera = &document.cameras[index.value()];
         let Some(perspective) = &camera.perspective else { continue };

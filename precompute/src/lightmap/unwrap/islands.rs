@@ -3,7 +3,7 @@
 use super::{Piece, Unwrapped};
 use crate::{
     lightmap::charts::Sets,
-    scale::{LEAST_SEEN, LocalScale, weighted_quantile},
+    scale::{LocalScale, Seen, weighted_quantile},
 };
 use glam::{DVec2, Vec2, Vec3};
 use localprt_scenes::Scene;
@@ -42,8 +42,8 @@ pub(super) struct Island {
 pub struct Wanted<'a> {
     /// R.
     pub scale: &'a LocalScale,
-    /// `[n_faces]` how often each face was seen.
-    pub hits: &'a [u32],
+    /// How much of each face is seen; empty for a uniform scale.
+    pub seen: &'a Seen,
 }
 
 /// Charts of all pieces; `kept` gives the triangle of its mesh of each triangle of a piece.
@@ -61,26 +61,25 @@ pub(super) fn islands(
     (0..pieces.len())
         .into_par_iter()
         .flat_map_iter(|mesh| {
-            let hits = wanted.hits.get(first[mesh]..).unwrap_or_default();
-            let wanted = Wanted { hits, ..wanted };
-            of_piece(scene, mesh, &pieces[mesh], &kept[mesh], &unwrapped.corners[mesh], wanted)
+            let facts = Facts {
+                scene,
+                mesh,
+                first_face: first[mesh],
+                kept: &kept[mesh],
+                corners: &unwrapped.corners[mesh],
+                wanted,
+            };
+            of_piece(&pieces[mesh], &facts)
         })
         .collect()
 }
 
-fn of_piece(
-    scene: &Scene,
-    mesh: usize,
-    piece: &Piece,
-    kept: &[u32],
-    corners: &[Option<[Vec2; 3]>],
-    wanted: Wanted<'_>,
-) -> Vec<Island> {
+fn of_piece(piece: &Piece, facts: &Facts<'_>) -> Vec<Island> {
+    let Facts { scene, mesh, kept, corners, wanted, .. } = *facts;
     let edges = edges(piece, corners);
     let held = |face: usize| corners[face].is_some();
     let charts = joined(piece.triangles.len(), &edges, |_, _| true);
     let whole = groups(&charts, held);
-    let facts = Facts { scene, mesh, kept, corners, wanted };
     if wanted.scale.is_uniform() {
         return whole.into_iter().map(|faces| facts.island(&[], faces)).collect();
     }
@@ -176,6 +175,8 @@ pub(in crate::lightmap) fn subdivision(steps: u32) -> impl Iterator<Item = [f32;
 struct Facts<'a> {
     scene: &'a Scene,
     mesh: usize,
+    /// First face of the mesh, of all of the scene.
+    first_face: usize,
     kept: &'a [u32],
     corners: &'a [Option<[Vec2; 3]>],
     wanted: Wanted<'a>,
@@ -194,7 +195,7 @@ impl Facts<'_> {
     fn is_uneven(&self, scales: &[f32], faces: &[u32]) -> bool {
         // Area counts in texels, or a far plain would always outweigh what stands on it.
         let texels = faces.iter().map(|&face| {
-            let scale_m = scales[face as usize].max(self.wanted.scale.finest_of_probes_m());
+            let scale_m = scales[face as usize].max(self.wanted.scale.finest_of_charts_m());
             (scale_m, self.area(face) / f64::from(scale_m).powi(2))
         });
         let [fine, coarse] = [0.1, 0.9].map(|share| weighted_quantile(texels.clone(), share).unwrap_or(1.0));
@@ -223,9 +224,8 @@ impl Facts<'_> {
         } else {
             let inverse = |(&face, area): (&u32, &f64)| area / f64::from(scales[face as usize]);
             let scale_m = area_m2 / faces.iter().zip(&areas).map(inverse).sum::<f64>().max(f64::MIN_POSITIVE);
-            let hits: u32 = faces.iter().map(|&face| self.wanted.hits[self.triangle(face)]).sum();
-            let seen = (f64::from(hits) + LEAST_SEEN) / area_m2.max(f64::MIN_POSITIVE);
-            self.wanted.scale.texel(scale_m as f32, seen as f32)
+            let own = faces.iter().zip(&areas).map(|(&face, &area)| (self.first_face + self.triangle(face), area));
+            self.wanted.scale.texel(scale_m as f32, self.wanted.seen.density(own))
         };
         let largest = (0..areas.len()).rev().max_by(|&a, &b| areas[a].total_cmp(&areas[b])).unwrap_or_default();
         let triangle = self.triangle(faces[largest]);

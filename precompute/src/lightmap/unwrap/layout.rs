@@ -85,6 +85,14 @@ impl Charts {
     ) -> Self {
         let mut islands = islands::islands(scene, &pieces, &kept, flat, wanted);
         limit_range(&mut islands);
+        for island in &mut islands {
+            let wish = scene.meshes[island.mesh].lightmap;
+            island.texel /= wish.texel_scale;
+            if !wish.bake {
+                // Light that bounces off the mesh needs to be known somewhere.
+                island.texel *= RANGE;
+            }
+        }
         Self { pieces, kept, islands }
     }
 

@@ -45,7 +45,7 @@ use super::{
 use crate::{
     emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
-    probes::{ProbeSet, Support},
+    probes::ProbeSet,
     rays::{FacePoint, RayCaster, SurfaceHit},
 };
 use field::Modes;
@@ -91,8 +91,8 @@ const SPACING_SAMPLE: usize = 1024;
 
 /// What rows are fitted with; the same for all leaves of a bake.
 pub struct FitScene {
-    /// `[n_probes]` spacing of the probes around each, metres.
-    spacing_m: Vec<f32>,
+    /// Median distance from a probe to the nearest other, metres.
+    spacing_m: f32,
     /// Root mean square of s over what the probes see.
     usual_scale: f32,
     /// `[n_rays][n_sh]` SH of the relight rays times 4 pi / n_rays.
@@ -155,18 +155,11 @@ impl FitScene {
         atlas: &Atlas,
         receivers: &ReceiverSet,
         probes: &ProbeSet,
-        support: &Support,
         n_rays: u32,
         basis: &sh::Basis,
     ) -> Self {
         let spacing_m = spacing(probes);
-        let half_m: Vec<f32> = (0..receivers.len())
-            .map(|receiver| {
-                let weighted = support.of(receiver).iter().zip(support.weights_of(receiver));
-                HALF_OPEN * weighted_mean(weighted.map(|(&id, &weight)| (spacing_m[id as usize], weight)))
-            })
-            .collect();
-        let openness = Openness::of(caster, atlas, receivers, &half_m);
+        let openness = Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m);
         let dirs: Vec<Vec3> = (0..n_rays).map(|ray| Vec3::from(spherical_fibonacci(ray, n_rays))).collect();
         let mut table = vec![0.0; dirs.len() * basis.len()];
         for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
@@ -232,9 +225,7 @@ impl FitScene {
 
     /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
     pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
-        let spacing_m =
-            weighted_mean(probes.iter().zip(weights).map(|(&id, &weight)| (self.spacing_m[id as usize], weight)));
-        let (patches, seen) = self.patches(bounds, probes, spacing_m);
+        let (patches, seen) = self.patches(bounds, probes);
         // Λ_i transposed, [n_patches][n_sh].
         let views: Vec<Vec<f32>> = probes
             .iter()
@@ -250,9 +241,9 @@ impl FitScene {
                 lambda
             })
             .collect();
-        let ridge = RIDGE * (patches.cut().finest_m / (FINEST * spacing_m)).powi(2);
+        let ridge = RIDGE * (patches.cut().finest_m / (FINEST * self.spacing_m)).powi(2);
         let least = f64::from(LEAST * ridge) * n_sh as f64;
-        let modes = Modes::of(&patches, CORRELATION * spacing_m, &views, weights, n_sh, least);
+        let modes = Modes::of(&patches, CORRELATION * self.spacing_m, &views, weights, n_sh, least);
         let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
         let views = views
             .into_iter()
@@ -291,8 +282,8 @@ impl FitScene {
     }
 
     /// Patches around a box as the probes see them, and the patch of each point seen: coarser until they are few enough.
-    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32], spacing_m: f32) -> (Patches, Vec<Vec<u32>>) {
-        let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * spacing_m, angle: ANGLE };
+    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32]) -> (Patches, Vec<Vec<u32>>) {
+        let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * self.spacing_m, angle: ANGLE };
         loop {
             let mut patches = Patches::new(cut);
             let seen: Vec<Vec<u32>> = probes
@@ -467,37 +458,24 @@ fn emitter_sample(emitters: &Emitters, index: u32) -> (FaceId, Vec3) {
     emitters.sample(which, place)
 }
 
-/// Spacing of the probes around each probe, metres: in proportion to its support radius, on the median the distance to the nearest
-/// other over an even sample of the probes; of a single probe half of its support radius.
-fn spacing(probes: &ProbeSet) -> Vec<f32> {
+/// Median distance from a probe to the nearest other, metres, over an even sample of the probes; of a single probe half of its
+/// support radius.
+fn spacing(probes: &ProbeSet) -> f32 {
     let positions = &probes.positions;
     if positions.len() < 2 {
-        return probes.radius_m.iter().map(|radius_m| 0.5 * radius_m).collect();
+        return 0.5 * probes.radius_m;
     }
     let sampled = positions.len().min(SPACING_SAMPLE);
     let nearest = |rank: usize| {
         let index = rank * positions.len() / sampled;
-        let nearest_m = positions
+        positions
             .iter()
             .enumerate()
             .filter(|(other, _)| *other != index)
             .map(|(_, other)| other.distance(positions[index]))
-            .fold(f32::INFINITY, f32::min);
-        nearest_m / probes.radius_m[index]
+            .fold(f32::INFINITY, f32::min)
     };
-    let mut shares: Vec<f32> = (0..sampled).into_par_iter().map(nearest).collect();
-    shares.sort_unstable_by(f32::total_cmp);
-    let share = shares[shares.len() / 2];
-    probes.radius_m.iter().map(|radius_m| (share * radius_m).max(f32::MIN_POSITIVE)).collect()
-}
-
-/// Mean of values by weights that are not negative; of all where no weight is positive.
-fn weighted_mean(values: impl Iterator<Item = (f32, f32)> + Clone) -> f32 {
-    let (sum, total) =
-        values.clone().fold((0.0, 0.0), |(sum, total), (value, weight)| (sum + value * weight, total + weight));
-    if total > 0.0 {
-        return sum / total;
-    }
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), (value, _)| (sum + value, count + 1.0));
-    if count > 0.0 { sum / count } else { f32::MIN_POSITIVE }
+    let mut distances: Vec<f32> = (0..sampled).into_par_iter().map(nearest).collect();
+    distances.sort_unstable_by(f32::total_cmp);
+    distances[distances.len() / 2].max(f32::MIN_POSITIVE)
 }

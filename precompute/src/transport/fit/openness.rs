@@ -32,8 +32,8 @@ pub(super) struct Openness {
 }
 
 impl Openness {
-    /// Measures every receiver; `half_m` is `[n_receivers]` t0.
-    pub(super) fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, half_m: &[f32]) -> Self {
+    /// Measures every receiver; `half_m` is t0.
+    pub(super) fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, half_m: f32) -> Self {
         let local: Vec<[f32; 3]> =
             (0..RAYS).map(|ray| cosine_hemisphere(fibonacci_square(ray, RAYS, [0.0, 0.0]))).collect();
         let scales: Vec<f32> = (0..receivers.len())
@@ -46,7 +46,7 @@ impl Openness {
                     .iter()
                     .map(|&[x, y, z]| {
                         let dir = (tangent * x + bitangent * y + normal * z).normalize();
-                        caster.closest_hit(origin, dir).map_or(1.0, |hit| hit.t / (hit.t + half_m[receiver]))
+                        caster.closest_hit(origin, dir).map_or(1.0, |hit| hit.t / (hit.t + half_m))
                     })
                     .sum();
                 open / RAYS as f32

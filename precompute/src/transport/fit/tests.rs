@@ -24,12 +24,12 @@ fn both(setup: &Setup, gather: &GatherSet, degrees: [u32; 2]) -> [TransportRows;
 /// `a = a0 + (Λ K Λᵀ + μ t W⁻¹)⁻¹ Λ K (e - Λᵀ a0)` of one receiver with the whole of K, in f64, probe by probe.
 fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0: &[f32]) -> Vec<f64> {
     let n_sh = leaf.n_sh;
-    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), support, fit.spacing_m[0]);
+    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), support);
     let places = patches.places();
     let n = places.len();
     let covariance = DMatrix::from_fn(n, n, |p, q| {
         let own = if p == q { 1.0 + f64::from(field::OWN) } else { 1.0 };
-        own * f64::from(field::covariance(&places[p], &places[q], CORRELATION * fit.spacing_m[0]))
+        own * f64::from(field::covariance(&places[p], &places[q], CORRELATION * fit.spacing_m))
     });
     let mut lambda = DMatrix::<f64>::zeros(support.len() * n_sh, n);
     for (slot, (&id, patches)) in support.iter().zip(&seen).enumerate() {
@@ -362,7 +362,6 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
                 &Atlas::default(),
                 transport.receivers,
                 transport.probes,
-                transport.support,
                 2000,
                 transport.probe_basis,
             );
