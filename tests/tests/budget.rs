@@ -1,9 +1,10 @@
 //! A bake of an unknown scene spends itself where people are, or says why not.
 
-use glam::Vec3;
+use glam::{Mat2, Vec2, Vec3};
 use localprt_precompute::pipeline::BakeOutput;
 use localprt_precompute::settings::{BakeSettings, Density};
-use localprt_tests::{bake, scene, small_settings};
+use localprt_scenes::{Light, LightKind, Lighting, Material, Mesh, Scene};
+use localprt_tests::{bake, relit, scene, small_settings};
 
 #[test]
 fn a_room_on_a_wide_plain_gets_most_of_the_budget() {
@@ -61,4 +62,75 @@ fn a_focus_takes_texels_and_probes_to_it() {
         near as f64 / positions.len() as f64
     });
     assert!(focused > 1.1 * plain, "{focused} {plain}");
+}
+
+/// A closed room of 4 x 2.4 x 4 m whose floor is four strips, each with its own wish; a lamp under the ceiling.
+fn room_with_strips(texel_scales: [f32; 4]) -> Scene {
+    let quad = |name: &str, corner: Vec3, u: Vec3, v: Vec3| Mesh {
+        name: name.into(),
+        positions: vec![corner, corner + u, corner + u + v, corner + v],
+        normals: vec![u.cross(v).normalize(); 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let (x, y, z) = (4.0 * Vec3::X, 2.4 * Vec3::Y, 4.0 * Vec3::Z);
+    let mut meshes = vec![
+        quad("ceiling", y, x, z),
+        quad("back", Vec3::ZERO, x, y),
+        quad("front", z, y, x),
+        quad("left", Vec3::ZERO, y, z),
+        quad("right", x, z, y),
+    ];
+    for (strip, texel_scale) in texel_scales.into_iter().enumerate() {
+        let mut floor = quad(&format!("floor {strip}"), strip as f32 * Vec3::X, z, Vec3::X);
+        floor.lightmap.texel_scale = texel_scale;
+        meshes.push(floor);
+    }
+    let lamp = Light {
+        name: "lamp".into(),
+        kind: LightKind::Point,
+        position: Vec3::new(1.7, 1.9, 1.2),
+        direction: Vec3::NEG_Y,
+        color: Vec3::ONE,
+        intensity: 10.0,
+        range: None,
+    };
+    Scene { meshes, materials: vec![Material::default()], lights: vec![lamp], ..Scene::default() }
+}
+
+#[test]
+fn steps_of_density_are_no_steps_of_light() {
+    let settings =
+        BakeSettings { lightmap: None, receivers: 6000, probes: Some(40), gather_rays: 1024, ..small_settings() };
+    // Mean and largest step across the borders of the strips, over the mean irradiance.
+    let steps = |texel_scales| {
+        let baked = bake(room_with_strips(texel_scales), &settings);
+        let lighting = Lighting::of_scene(&baked.scene);
+        let map = relit(&baked, &lighting, 1, |relighter| relighter.relit().irradiance_map.clone());
+        // The floor's coordinates are affine in each strip.
+        let read = |strip: usize, x: f32, z: f32| {
+            let mesh = baked.scene.meshes.iter().find(|mesh| mesh.name == format!("floor {strip}")).expect("strip");
+            let uv = mesh.lightmap_uv().expect("laid out");
+            let [a, b, c] = mesh.triangles[0].map(|vertex| vertex as usize);
+            let local = |at: Vec3| Vec2::new(at.x, at.z);
+            let [p, q, r] = [a, b, c].map(|vertex| local(mesh.positions[vertex]));
+            let solve = Mat2::from_cols(q - p, r - p).inverse() * (Vec2::new(x, z) - p);
+            map.sample(uv[a] + (uv[b] - uv[a]) * solve.x + (uv[c] - uv[a]) * solve.y).expect("covered").y
+        };
+        let (mut sum, mut largest, mut light) = (0.0f32, 0.0f32, 0.0f32);
+        for border in 1..4 {
+            for step in 0..38 {
+                let (x, z) = (border as f32, 0.15 + 0.1 * step as f32);
+                let [left, right] = [read(border - 1, x - 1e-3, z), read(border, x + 1e-3, z)];
+                sum += (left - right).abs();
+                largest = largest.max((left - right).abs());
+                light += 0.5 * (left + right);
+            }
+        }
+        [sum / light, largest * 3.0 * 38.0 / light]
+    };
+    let [even, uneven] = [steps([1.0; 4]), steps([1.0, 2.0, 4.0, 8.0])];
+    // Of the coarsest strip a texel is 0.26 m: the largest step is what light changes over half of that.
+    assert!(uneven[0] < 1.2 * even[0] && uneven[1] < 2.0 * even[1], "{uneven:?} {even:?}");
+    assert!(uneven[0] < 0.03, "{uneven:?}");
 }
