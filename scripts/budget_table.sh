@@ -50,7 +50,7 @@ for pair in "$@"; do
         "$precompute" bake "$scene" -o "$file" --preset "${PRESET:-preview}" --receivers "${RECEIVERS:-60000}" \
             --probes "${PROBES:-150}" --density "$density" --report "$out/$name-$density.json" --quiet
         "$precompute" validate "$file" ${lights:+--lights "$lights"} --bounces 1 --points "${POINTS:-1024}" \
-            --flip-paths 1 --out "$out/$name-$density" --quiet >"$out/$name-$density.txt"
+            --flip-paths 8 --output "$out/$name-$density" --quiet >"$out/$name-$density.txt"
         row "$name" "$density" "$out/$name-$density" "$out/$name-$density.json"
     done
 done

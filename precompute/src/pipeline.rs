@@ -112,9 +112,11 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         for &texel in &receivers.texel {
             has_receiver[texel as usize] = true;
         }
-        let direct = texels::cover_visible(&scene, &atlas, settings.direct_map, layout.size, &has_receiver);
+        let light_map = Atlas::of_light_map(&scene);
+        let (direct, _) =
+            texels::cover_visible(&scene, &light_map, settings.direct_map, &atlas, layout.size, &has_receiver);
         let rays =
-            relight_rays::trace(&caster, &atlas, &direct, &probes.positions, settings.relight_rays, &probe_basis);
+            relight_rays::trace(&caster, &light_map, &direct, &probes.positions, settings.relight_rays, &probe_basis);
         (rays, direct.texels.len())
     };
     progress.check()?;

@@ -7,7 +7,7 @@ use crate::{
     rays::RayCaster,
 };
 use glam::Vec3;
-use localprt_formats::BakedView;
+use localprt_formats::{BakedView, quantize::pack_uv};
 use localprt_runtime::{SceneTexels, SurfaceTexels, sky_sh};
 use localprt_scenes::{Light, Lighting, Material, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use rayon::prelude::*;
@@ -15,26 +15,23 @@ use rayon::prelude::*;
 /// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
 ///
 /// One shadow ray per texel and light that reaches it.
-pub fn surface_texels(
-    caster: &RayCaster<'_>,
-    atlas: &Atlas,
-    lighting: &Lighting,
-    baked: &BakedView<'_>,
-) -> SurfaceTexels {
-    let texels = scene_texels(caster.scene(), atlas, baked);
+pub fn surface_texels(caster: &RayCaster<'_>, lighting: &Lighting, baked: &BakedView<'_>) -> SurfaceTexels {
+    let texels = scene_texels(caster.scene(), baked);
     let direct = traced_irradiance(caster, &texels, &lighting.lights);
     texels.shaded(&material_overrides(caster.scene(), lighting), lighting.albedo_override, direct)
 }
 
 /// What stays the same while lights and materials change: the texels that the bake's relight rays were made for, with
 /// place, normals and the scene's own colors.
-pub fn scene_texels(scene: &Scene, atlas: &Atlas, baked: &BakedView<'_>) -> SceneTexels {
+pub fn scene_texels(scene: &Scene, baked: &BakedView<'_>) -> SceneTexels {
     let (size, receiver_size) = (baked.metadata.direct_size, baked.metadata.lightmap_size);
     let mut has_receiver = vec![false; receiver_size as usize * receiver_size as usize];
     for &texel in baked.receiver_texel {
         has_receiver[texel as usize] = true;
     }
-    let TexelMap { texels, .. } = texels::cover_visible(scene, atlas, size, receiver_size, &has_receiver);
+    let (light_map, receivers) = (Atlas::of_light_map(scene), Atlas::of(scene));
+    let (TexelMap { texels, .. }, places) =
+        texels::cover_visible(scene, &light_map, size, &receivers, receiver_size, &has_receiver);
     let plain = Lighting::default();
     let own = SurfaceShading::new(scene, &plain);
     let points = |value: &(dyn Fn(usize, usize, Vec3) -> Vec3 + Sync)| -> Vec<Vec3> {
@@ -44,6 +41,7 @@ pub fn scene_texels(scene: &Scene, atlas: &Atlas, baked: &BakedView<'_>) -> Scen
     SceneTexels {
         size,
         index: texels.iter().map(|texel| texel.index).collect(),
+        lightmap_uv: places.iter().map(|place| pack_uv(place.to_array())).collect(),
         position: points(&|mesh, triangle, weights| {
             let corners = scene.corners(mesh, triangle);
             corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z

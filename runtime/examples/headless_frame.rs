@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // 3. The scene, once: what the covered texels of the direct light map show, and what casts shadows.
     let texels = SceneTexels {
+        lightmap_uv: Vec::new(),
         size: 1,
         index: vec![0],
         position: vec![Vec3::ZERO],

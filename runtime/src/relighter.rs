@@ -153,6 +153,7 @@ impl Relighter {
         let surface = Surface {
             size: texels.size,
             index: &texels.index,
+            lightmap_uv: &texels.lightmap_uv,
             albedo: &texels.albedo,
             emission: &texels.emission,
             material: &texels.material,

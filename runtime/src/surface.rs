@@ -1,7 +1,7 @@
 //! The surfaces behind the texels of the direct light map: what stays while lights and materials change.
 
 use crate::error::RelightError;
-use crate::passes::direct_lightmap::{SurfaceTexels, check_index, check_values};
+use crate::passes::direct_lightmap::{SurfaceTexels, check_index, check_places, check_values};
 use glam::Vec3;
 use localprt_scenes::MaterialOverride;
 
@@ -13,6 +13,9 @@ pub struct SceneTexels {
     pub size: u32,
     /// Covered texels, `y * size + x`, rising.
     pub index: Vec<u32>,
+    /// Where the texel's surface lies in the receiver map, as [`localprt_formats::quantize::pack_uv`] packs it; empty where both maps
+    /// share a layout.
+    pub lightmap_uv: Vec<u32>,
     /// Point of the surface.
     pub position: Vec<Vec3>,
     /// Shading normal, on the side of the geometric normal.
@@ -51,6 +54,7 @@ impl SceneTexels {
             return Err(RelightError::Length { what: "texel material", expected, found });
         }
         check_index(self.size, &self.index)?;
+        check_places(self.len(), &self.lightmap_uv)?;
         check_values(
             self.len(),
             &[
@@ -81,6 +85,7 @@ impl SceneTexels {
         SurfaceTexels {
             size: self.size,
             index: self.index.clone(),
+            lightmap_uv: self.lightmap_uv.clone(),
             albedo: (0..self.len()).map(albedo).collect(),
             emission: (0..self.len()).map(|texel| of_texel(texel).emission.unwrap_or(self.emission[texel])).collect(),
             direct,
@@ -96,6 +101,7 @@ mod tests {
         SceneTexels {
             size: 4,
             index: vec![3, 5, 9],
+            lightmap_uv: Vec::new(),
             position: vec![Vec3::ZERO; 3],
             normal: vec![Vec3::Y; 3],
             geometric_normal: vec![Vec3::Y; 3],

@@ -103,7 +103,11 @@ fn document(scene: &Scene, path: &Path) -> Result<(Value, Vec<u8>), ExportError>
 
     let mut root = Map::new();
     let generator = concat!("localprt ", env!("CARGO_PKG_VERSION"));
-    root.insert("asset".into(), json!({ "version": "2.0", "generator": generator }));
+    let mut asset = json!({ "version": "2.0", "generator": generator });
+    if let Some(set) = scene.light_map_set {
+        asset["extras"] = json!({ "localprt": { "light_map_set": set } });
+    }
+    root.insert("asset".into(), asset);
     writer.extensions.sort_unstable();
     writer.extensions.dedup();
     let extensions_used: Vec<Value> = writer.extensions.iter().map(|&name| name.into()).collect();

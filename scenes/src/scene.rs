@@ -20,6 +20,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Perspective cameras of the file.
     pub cameras: Vec<Camera>,
+    /// TEXCOORD set of all meshes that lays out the direct light map, where that is not the lightmap's (TEXCOORD_1).
+    pub light_map_set: Option<usize>,
     /// What the sanitiser dropped.
     pub dropped: DroppedTriangles,
     /// BLAKE3 over the bytes of the scene file and every buffer and image it names, in order of reference.
@@ -78,7 +80,12 @@ impl Default for LightmapWish {
 impl Mesh {
     /// Lightmap coordinates (TEXCOORD_1), if the mesh has them.
     pub fn lightmap_uv(&self) -> Option<&[Vec2]> {
-        self.uv_sets.get(1).filter(|set| !set.is_empty() || self.positions.is_empty()).map(Vec::as_slice)
+        self.uv_set(1)
+    }
+
+    /// A set of texture coordinates, if the mesh has it.
+    pub fn uv_set(&self, number: usize) -> Option<&[Vec2]> {
+        self.uv_sets.get(number).filter(|set| !set.is_empty() || self.positions.is_empty()).map(Vec::as_slice)
     }
 }
 

@@ -23,9 +23,12 @@ fn everything() -> Scene {
     mesh.uv_sets = vec![mesh.uv_sets[0].clone(), Vec::new(), vec![vec2(0.1, 0.7); 4]];
     mesh.name = "wall \"1\"".into();
     mesh.lightmap = LightmapWish { texel_scale: 2.5, bake: false };
-    let mut lower = Mesh { uv_sets: vec![Vec::new(), vec![Vec2::splat(0.3); 4]], material: 1, ..mesh.clone() };
+    let mut lower =
+        Mesh { uv_sets: vec![Vec::new(), Vec::new(), vec![Vec2::splat(0.3); 4]], material: 1, ..mesh.clone() };
     lower.positions.iter_mut().for_each(|position| position.z = -0.0137);
     scene.meshes.push(lower);
+
+    scene.light_map_set = Some(2);
 
     let pixels = (0..2 * 3 * 4).map(|value| value * 10).collect();
     scene.images.push(Image { name: "stripes".into(), width: 2, height: 3, rgba: pixels, encoded: None });

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 use localprt_precompute::{
-    lightmap::Atlas,
     pipeline::{self, BakeOutput},
     progress::Progress,
     rays::RayCaster,
@@ -50,7 +49,7 @@ pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<
 pub fn relit<T>(baked: &BakeOutput, lighting: &Lighting, bounces: u32, look: impl FnOnce(&CpuRelighter<'_>) -> T) -> T {
     let caster = RayCaster::new(&baked.scene).expect("tree");
     let view = baked.arrays.view();
-    let surface = relight::surface_texels(&caster, &Atlas::of(&baked.scene), lighting, &view);
+    let surface = relight::surface_texels(&caster, lighting, &view);
     let sky = relight::sky_inputs(&lighting.sky, &view);
     let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
@@ -77,7 +76,7 @@ pub fn irradiance_on_gpu(
     let scene = &baked.scene;
     let caster = RayCaster::new(scene).expect("tree");
     let view = baked.arrays.view();
-    let texels = relight::scene_texels(scene, &Atlas::of(scene), &view);
+    let texels = relight::scene_texels(scene, &view);
     let mut relighter = Relighter::new(&device, &queue, view, RelighterOptions::default()).expect("room on the device");
     relighter.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene that fits");
     let overrides = relight::material_overrides(scene, lighting);

@@ -6,7 +6,6 @@ use glam::Vec3;
 use localprt_formats::BakedView;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::lightmap::Atlas;
 use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
 use localprt_precompute::picture::{self, Exposure, Picture, PictureSize, Surfaces};
 use localprt_precompute::progress::Progress;
@@ -100,7 +99,7 @@ pub fn light(
     }
     let stage = progress.stage("direct light", 0);
     let scene = caster.scene();
-    let texels = scene_texels(scene, &Atlas::of(scene), &view);
+    let texels = scene_texels(scene, &view);
     let overrides = material_overrides(scene, lighting);
     let sky = sky_inputs(&lighting.sky, &view);
     #[cfg(feature = "gpu")]

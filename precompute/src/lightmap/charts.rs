@@ -1,6 +1,6 @@
 //! Charts: faces joined by edges that are joined in uv.
 
-use super::Atlas;
+use super::{Atlas, LIGHTMAP_SET};
 use glam::{Vec2, Vec3};
 use localprt_scenes::Scene;
 use std::collections::HashMap;
@@ -11,11 +11,20 @@ impl Atlas {
     /// belongs to the chart that has a corner there: it shares its texels. Meshes without TEXCOORD_1 get zero coordinates, which
     /// cover nothing.
     pub fn of(scene: &Scene) -> Self {
+        Self::of_set(scene, LIGHTMAP_SET)
+    }
+
+    /// The layout of the direct light map: that of the set that the scene names, else the lightmap's.
+    pub fn of_light_map(scene: &Scene) -> Self {
+        Self::of_set(scene, scene.light_map_set.unwrap_or(LIGHTMAP_SET))
+    }
+
+    fn of_set(scene: &Scene, set: usize) -> Self {
         let mut corners = Vec::with_capacity(scene.face_count());
         let mut sets = Sets::new(scene.face_count());
         let mut edges: Vec<([CornerKey; 2], u32)> = Vec::new();
         for mesh in &scene.meshes {
-            let uv = mesh.lightmap_uv();
+            let uv = mesh.uv_set(set);
             edges.clear();
             for triangle in &mesh.triangles {
                 let face = corners.len() as u32;

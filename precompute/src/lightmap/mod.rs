@@ -24,10 +24,13 @@ use localprt_scenes::FaceId;
 /// Told about the work: what is being done, steps done, steps in all (0 if unknown). Returning `false` cancels.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) -> bool + Sync);
 
+/// TEXCOORD set of lightmap coordinates.
+const LIGHTMAP_SET: usize = 1;
+
 /// Marks texels without a receiver in maps from texel to receiver.
 const NO_RECEIVER: u32 = u32::MAX;
 
-/// The lightmap layout of a scene: one for the receiver map and the direct light map.
+/// A layout of a scene's surface: of the receiver map, or of the direct light map.
 #[derive(Clone, Debug, Default)]
 pub struct Atlas {
     /// `[n_faces]` corner coordinates in 0..=1, in `FaceId` order; row 0 of a map is at v = 0.

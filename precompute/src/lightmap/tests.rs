@@ -121,6 +121,39 @@ fn a_mesh_has_as_fine_texels_as_its_author_wants() {
 }
 
 #[test]
+fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
+    let scene = room();
+    let backend = backend(UnwrapBackend::Uvunwrap).unwrap();
+    let scale = LocalScale::uniform();
+    let charts = charts(&scene, Wanted { scale: &scale, seen: &Seen::default() }, backend.as_ref(), &quiet).unwrap();
+    let copy = scene.clone();
+    let caster = RayCaster::new(&copy).unwrap();
+    let after = charts.lay_out_light_map(scene, &caster, 256, &quiet).unwrap();
+    assert_eq!(after.light_map_set, Some(2));
+    let (after, size) = charts.lay_out(after, &caster, of_texel(0.1), &quiet).unwrap();
+    let (light_map, lightmap) = (Atlas::of_light_map(&after), Atlas::of(&after));
+    assert!(light_map.n_charts == lightmap.n_charts && light_map.corners != lightmap.corners);
+    let has_receiver = vec![true; (size * size) as usize];
+    let (map, places) = texels::cover_visible(&after, &light_map, 256, &lightmap, size, &has_receiver);
+    let share = map.texels.len() as f32 / (256.0 * 256.0);
+    assert!(share > 0.55, "{share} of the light map is used");
+    // The place in the receiver map is that of the same point of the surface.
+    for (texel, place) in map.texels.iter().zip(&places) {
+        let [a, b, c] = lightmap.corners[texel.face.0 as usize];
+        let weights = texel.barycentrics;
+        assert!((a * weights.x + b * weights.y + c * weights.z).distance(*place) < 1e-6);
+    }
+    // Charts are two texels apart there, too.
+    let charts = chart_map(&map);
+    for texel in &map.texels {
+        assert!(neighbors(texel.index, 256, 2).all(|near| [u32::MAX, texel.chart].contains(&charts[near as usize])));
+    }
+    // What has no receiver sends no light.
+    let (none, _) = texels::cover_visible(&after, &light_map, 256, &lightmap, size, &vec![false; has_receiver.len()]);
+    assert!(none.texels.is_empty());
+}
+
+#[test]
 fn as_many_texels_are_touched_as_were_asked_for() {
     // Walls of one height take one more row all at once: of 20 rows that is 5 %.
     for (texels, within) in [(2_000, 0.05), (20_000, 0.03)] {

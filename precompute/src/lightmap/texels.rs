@@ -2,7 +2,7 @@
 
 use super::raster::Footprint;
 use super::{Atlas, Texel, TexelMap};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use localprt_scenes::{FaceId, Scene};
 use rayon::prelude::*;
 
@@ -24,21 +24,35 @@ pub fn cover(scene: &Scene, atlas: &Atlas, size: u32) -> TexelMap {
 }
 
 /// Texels of the direct light map that can send light: those of [`cover`] but for the holes of alpha masks and for texels
-/// inside or behind geometry, which no receiver of the receiver map lies in.
+/// inside or behind geometry, where the receiver map has no receiver; and where each lies in the receiver map, in 0..=1.
 ///
-/// `has_receiver` is `[receiver_size * receiver_size]`. Dark texels under a crate would darken the mips beside it.
-pub fn cover_visible(scene: &Scene, atlas: &Atlas, size: u32, receiver_size: u32, has_receiver: &[bool]) -> TexelMap {
-    let mut map = cover(scene, atlas, size);
-    let at_receiver_size = |texel: u32| {
-        let center = u64::from(2 * texel + 1) * u64::from(receiver_size) / u64::from(2 * size);
-        center.min(u64::from(receiver_size) - 1) as usize
-    };
-    map.texels.retain(|texel| {
-        let (x, y) = (at_receiver_size(texel.index % size), at_receiver_size(texel.index / size));
-        has_receiver[y * receiver_size as usize + x]
-            && scene.is_present(texel.mesh as usize, texel.triangle as usize, texel.barycentrics)
-    });
-    map
+/// `receivers` is the layout of the receiver map, `has_receiver` `[receiver_size * receiver_size]`. Dark texels under a crate
+/// would darken the mips beside it.
+pub fn cover_visible(
+    scene: &Scene,
+    light_map: &Atlas,
+    size: u32,
+    receivers: &Atlas,
+    receiver_size: u32,
+    has_receiver: &[bool],
+) -> (TexelMap, Vec<Vec2>) {
+    let map = cover(scene, light_map, size);
+    let side = receiver_size as usize;
+    let at = |place: f32| ((place * receiver_size as f32).max(0.0) as usize).min(side - 1);
+    let (texels, places) = map
+        .texels
+        .into_par_iter()
+        .map(|texel| {
+            let [a, b, c] = receivers.corners[texel.face.0 as usize];
+            let weights = texel.barycentrics;
+            (texel, a * weights.x + b * weights.y + c * weights.z)
+        })
+        .filter(|(texel, place)| {
+            has_receiver[at(place.y) * side + at(place.x)]
+                && scene.is_present(texel.mesh as usize, texel.triangle as usize, texel.barycentrics)
+        })
+        .unzip();
+    (TexelMap { size, texels }, places)
 }
 
 /// For each band of [`BAND`] rows the faces that touch it, by rising number.

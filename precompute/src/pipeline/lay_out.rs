@@ -111,6 +111,10 @@ pub(super) fn lay_out(
     let wanted = Wanted { scale, seen: &seen };
     let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
     drop(stage);
+    let split = {
+        let _stage = progress.stage("light map", 0);
+        charts.lay_out_light_map(split, caster, settings.direct_map, &watch).map_err(unwrap_error)?
+    };
     let mut best: Option<(f64, LaidOut)> = None;
     for _ in 0..LAYOUTS {
         let stage = progress.stage("layout", 0);

@@ -43,7 +43,7 @@ impl Lit {
 pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress: &Progress) -> Result<Lit, BakeError> {
     let view = subject.view;
     let stage = progress.stage("relight", bounces.into());
-    let surface = surface_texels(subject.caster, &subject.atlas, lighting, &view);
+    let surface = surface_texels(subject.caster, lighting, &view);
     let sky = sky_inputs(&lighting.sky, &view);
     progress.check()?;
     let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };

@@ -128,6 +128,7 @@ pub fn surface(size: u32) -> SurfaceTexels {
     let index: Vec<u32> = (0..size * size).filter(covered).collect();
     let n = index.len();
     SurfaceTexels {
+        lightmap_uv: Vec::new(),
         size,
         index,
         albedo: vec![Vec3::splat(0.5); n],

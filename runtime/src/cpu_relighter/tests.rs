@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 fn uniform_surface(size: u32, albedo: f32, emission: f32, direct: f32) -> SurfaceTexels {
     let n = (size * size) as usize;
     SurfaceTexels {
+        lightmap_uv: Vec::new(),
         size,
         index: (0..size * size).collect(),
         albedo: vec![Vec3::splat(albedo); n],

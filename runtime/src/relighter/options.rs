@@ -58,7 +58,7 @@ pub enum DirectLight<'a> {
     Lights,
     /// Irradiance as last given to [`Relighter::set_direct`](super::Relighter::set_direct) or [`Relighter::set_surface`](super::Relighter::set_surface).
     Irradiance,
-    /// A map of the host: `direct_size` texels per side in the lightmap's layout, outgoing radiance
+    /// A map of the host: `direct_size` texels per side in the light map's layout, outgoing radiance
     /// `Le + albedo/pi (D + E)` in rgb, where E is the irradiance map of the last frame, and coverage in alpha.
     /// One gather per frame, whatever `bounces` is.
     Texture(&'a wgpu::TextureView),

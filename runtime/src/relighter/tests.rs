@@ -33,6 +33,7 @@ fn surface(size: u32, stream: u64) -> SurfaceTexels {
         centered.into_iter().map(|color| color + 0.5).collect::<Vec<_>>()
     };
     SurfaceTexels {
+        lightmap_uv: Vec::new(),
         size,
         albedo: colors(stream),
         // Multiples of 1/65535 would be stored exactly; these are rounded by up to 2^-17.

@@ -4,7 +4,6 @@ use glam::Vec3;
 use localprt_formats::{Baked, BakedView};
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::lightmap::Atlas;
 use localprt_precompute::rays::RayCaster;
 use localprt_precompute::reference_file::ReferenceFile;
 use localprt_precompute::relight::scene_texels;
@@ -102,7 +101,7 @@ impl<'a> OpenBake<'a> {
         };
         let bounds = scene.bounds().ok_or_else(empty)?;
         // Rays and texels have nothing to do with each other.
-        let (caster, texels) = rayon::join(|| inputs::caster(scene), || scene_texels(scene, &Atlas::of(scene), &baked));
+        let (caster, texels) = rayon::join(|| inputs::caster(scene), || scene_texels(scene, &baked));
         let caster = caster?;
         let cameras = match scene.cameras.is_empty() {
             false => scene.cameras.clone(),

@@ -103,6 +103,7 @@ fn pictures_of(
 ) -> Pictures {
     let mut gi = Relighter::new(device, queue, baked.view(), RelighterOptions::default()).expect("a relighter");
     let texels = SceneTexels {
+        lightmap_uv: Vec::new(),
         size: 1,
         index: vec![0],
         position: vec![Vec3::ZERO],

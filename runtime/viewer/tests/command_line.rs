@@ -3,7 +3,6 @@
 mod small_bake;
 
 use glam::Vec3;
-use localprt_precompute::lightmap::Atlas;
 use localprt_precompute::picture::{Exposure, Picture, PictureSize, Surfaces, render};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::RayCaster;
@@ -130,7 +129,7 @@ fn traced_picture(baked: &SmallBake, width: u32, height: u32, bounces: u32) -> P
     let (scene, view) = (baked.scene(), file.view());
     let lighting = Lighting::of_scene(scene);
     let caster = RayCaster::new(scene).expect("a tree");
-    let surface = surface_texels(&caster, &Atlas::of(scene), &lighting, &view);
+    let surface = surface_texels(&caster, &lighting, &view);
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
     relighter.relight(&RelightInputs { bounces, ..RelightInputs::new(&surface) }).expect("inputs that fit");
     let relit = relighter.relit();

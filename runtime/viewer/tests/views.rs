@@ -86,6 +86,7 @@ impl Stage {
         let mut relighter =
             Relighter::new(&device, &queue, baked.view(), RelighterOptions::default()).expect("a relighter");
         let texels = SceneTexels {
+            lightmap_uv: Vec::new(),
             size: 1,
             index: vec![0],
             position: vec![Vec3::ZERO],

@@ -30,6 +30,8 @@ pub(super) struct Document {
     pub scenes: Vec<Vec<usize>>,
     /// The default scene.
     pub scene: Option<usize>,
+    /// `/asset/extras/localprt/light_map_set`, as this program writes it.
+    pub light_map_set: Option<usize>,
 }
 
 /// A texture's image and sampler. The `gltf` crate demands an image, but an extension may hold it.
@@ -64,6 +66,9 @@ const READ_EXTENSIONS: &[&str] = &[
 const TEXTURE_EXTENSIONS: &[&str] = &["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds"];
 
 const REPAIR: &str = "export the file again or repair it (npx gltf-validator names every fault)";
+
+/// Says which TEXCOORD set lays out the direct light map.
+pub(super) const LIGHT_MAP_SET: &str = "/asset/extras/localprt/light_map_set";
 
 /// Where indices stand, and the array they point into.
 const INDICES: &[(&str, &str)] = &[
@@ -132,6 +137,7 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<Document, LoadError>
             .map(|scene| array(source, &root, &format!("/scenes/{scene}/nodes")).map(indices_in))
             .collect::<Result<_, _>>()?,
         scene: root["scene"].as_u64().map(|index| index as usize),
+        light_map_set: root.pointer(LIGHT_MAP_SET).and_then(Value::as_u64).map(|set| set as usize),
     })
 }
 

@@ -73,6 +73,13 @@ fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) 
     let mut meshes = instances(&geometry, &placed)?;
     let mut appearance = materials::read(source, &document, &views, &mut resources)?;
     give_material(&mut meshes, &mut appearance.materials);
+    if let Some(set) = document.light_map_set
+        && let Some(mesh) = meshes.iter().find(|mesh| mesh.uv_set(set).is_none())
+    {
+        let found = format!("set {set}, which mesh {} does not have", mesh.name);
+        let remedy = "use the file as `precompute bake` wrote it, or bake the scene again";
+        return Err(source.invalid(document::LIGHT_MAP_SET, found, remedy));
+    }
     let mut scene = Scene {
         name: source.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),
         meshes,
@@ -81,6 +88,7 @@ fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) 
         images: appearance.images,
         lights: nodes::lights(source, &document, &placed)?,
         cameras: nodes::cameras(source, &document, &placed)?,
+        light_map_set: document.light_map_set,
         hash: resources.hash(),
         ..Scene::default()
     };

@@ -101,7 +101,9 @@ pub fn assert_same(a: &Scene, b: &Scene) {
         assert!(a.tangents == b.tangents, "tangents of {}", a.name);
         assert!(a.uv_sets == b.uv_sets, "texture coordinates of {}", a.name);
         assert!(a.colors == b.colors, "colors of {}", a.name);
+        assert_eq!(a.lightmap, b.lightmap, "{}", a.name);
     }
+    assert_eq!(a.light_map_set, b.light_map_set);
     assert_eq!(a.materials.len(), b.materials.len());
     for (a, b) in a.materials.iter().zip(&b.materials) {
         assert!(same_material(a, b), "{a:?} and {b:?}");

@@ -11,7 +11,7 @@ use super::{
     uv_unwrap::{FlatChart, Packed, pack},
 };
 use crate::{
-    lightmap::raster::Footprint,
+    lightmap::{LIGHTMAP_SET, raster::Footprint},
     rays::RayCaster,
     scale::{RANGE, weighted_quantile},
 };
@@ -32,6 +32,8 @@ const JOINED_ABOVE: f32 = 0.25;
 const FINEST_SHARE: f64 = 0.02;
 /// The number of texels is met this closely, or until nothing changes.
 const CLOSE_ENOUGH: f64 = 0.01;
+/// Share of a direct light map that charts take, about: before they are scaled to fill it.
+const LIGHT_MAP_USED: f64 = 0.6;
 /// Packs while the number of texels is looked for.
 const MOST_PACKS: usize = 9;
 /// Up to so many charts are packed tightly whenever they are packed.
@@ -121,17 +123,62 @@ impl Charts {
         if self.islands.is_empty() {
             let texels = size.lightmap.unwrap_or(MIN_SIZE);
             let empty = self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect();
-            return Ok((pieces::apply(scene, &Unwrapped { corners: empty }, &self.kept, texels), texels));
+            return Ok((pieces::apply(scene, &Unwrapped { corners: empty }, &self.kept, texels, LIGHTMAP_SET), texels));
         }
-        let mut least_texels = LEAST_TEXELS;
-        let plan = loop {
-            match self.plan(caster, size, least_texels, progress) {
-                Err(UnwrapError::TooManyCharts { .. }) if least_texels < MOST_JOINED => least_texels *= COARSER,
-                plan => break plan?,
-            }
-        };
+        let plan = self.joined_until_they_fit(|least_texels| self.plan(caster, size, least_texels, progress))?;
         let unwrapped = Unwrapped { corners: plan.corners };
-        Ok((pieces::apply(scene, &unwrapped, &self.kept, plan.size), plan.size))
+        Ok((pieces::apply(scene, &unwrapped, &self.kept, plan.size, LIGHTMAP_SET), plan.size))
+    }
+
+    /// `scene` with coordinates for a direct light map of its own: the charts as large as they fit a map of `texels` per side.
+    ///
+    /// # Errors
+    /// As [`Charts::lay_out`].
+    pub fn lay_out_light_map(
+        &self,
+        mut scene: Scene,
+        caster: &RayCaster<'_>,
+        texels: u32,
+        progress: Progress,
+    ) -> Result<Scene, UnwrapError> {
+        if self.islands.is_empty() || !(MIN_SIZE..=MAX_SIZE).contains(&texels) {
+            return Ok(scene);
+        }
+        let used = scene.meshes.iter().map(|mesh| mesh.uv_sets.len()).max().unwrap_or_default();
+        let set = scene.light_map_set.unwrap_or(used.max(LIGHTMAP_SET + 1));
+        let plan = self.joined_until_they_fit(|least_texels| self.plan_full(caster, texels, least_texels, progress))?;
+        scene.light_map_set = Some(set);
+        Ok(pieces::apply(scene, &Unwrapped { corners: plan.corners }, &self.kept, plan.size, set))
+    }
+
+    /// A plan, with charts joined more coarsely where they are too many for the map.
+    fn joined_until_they_fit(&self, plan: impl Fn(f64) -> Result<Plan, UnwrapError>) -> Result<Plan, UnwrapError> {
+        let mut least_texels = LEAST_TEXELS;
+        loop {
+            match plan(least_texels) {
+                Err(UnwrapError::TooManyCharts { .. }) if least_texels < MOST_JOINED => least_texels *= COARSER,
+                plan => return plan,
+            }
+        }
+    }
+
+    /// All charts, as large as they fit a map of that many texels per side.
+    fn plan_full(
+        &self,
+        caster: &RayCaster<'_>,
+        texels: u32,
+        least_texels: f64,
+        progress: Progress,
+    ) -> Result<Plan, UnwrapError> {
+        let density = (LIGHT_MAP_USED * f64::from(texels).powi(2) / self.demand().max(f64::MIN_POSITIVE)).sqrt();
+        let dealt = self.deal(caster, density, None, least_texels);
+        let packed = pack(&dealt.charts, Some(texels), true, progress)?;
+        Ok(Plan { corners: self.spread(&dealt, &packed), size: texels })
+    }
+
+    /// Texels where there is one per metre where they are finest.
+    fn demand(&self) -> f64 {
+        self.islands.iter().map(|island| island.area_m2 / f64::from(island.texel).powi(2)).sum()
     }
 
     fn plan(
@@ -141,13 +188,11 @@ impl Charts {
         least_texels: f64,
         progress: Progress,
     ) -> Result<Plan, UnwrapError> {
-        // Texels where there is one per metre where they are finest.
-        let demand: f64 = self.islands.iter().map(|island| island.area_m2 / f64::from(island.texel).powi(2)).sum();
         let most = f64::from(size.lightmap.unwrap_or(MAX_SIZE)).powi(2);
         let wanted = f64::from(size.texels).min(most);
         // Few charts are packed as they will be in the end.
         let tight = self.islands.len() < FEW_CHARTS;
-        let mut density = (wanted / demand.max(f64::MIN_POSITIVE)).sqrt();
+        let mut density = (wanted / self.demand().max(f64::MIN_POSITIVE)).sqrt();
         let mut tried: Vec<(f64, f64)> = Vec::new();
         for _ in 0..MOST_PACKS {
             let dealt = self.deal(caster, density, size.finest_m, least_texels);

@@ -55,9 +55,9 @@ fn key(position: Vec3, normal: Vec3) -> [u32; 6] {
     [position.x, position.y, position.z, normal.x, normal.y, normal.z].map(|value| (value + 0.0).to_bits())
 }
 
-/// Writes the layout into TEXCOORD_1, copying vertices that charts share. Faces without area are pinned to one point of
+/// Writes the layout into a TEXCOORD set, copying vertices that charts share. Faces without area are pinned to one point of
 /// a face that they touch.
-pub(super) fn apply(mut scene: Scene, unwrapped: &Unwrapped, kept: &[Vec<u32>], texels: u32) -> Scene {
+pub(super) fn apply(mut scene: Scene, unwrapped: &Unwrapped, kept: &[Vec<u32>], texels: u32, set: usize) -> Scene {
     scene.meshes.par_iter_mut().zip(kept).zip(&unwrapped.corners).for_each(|((mesh, kept), corners)| {
         let mut layout: Vec<Option<[Vec2; 3]>> = vec![None; mesh.triangles.len()];
         for (&face, corners) in kept.iter().zip(corners) {
@@ -85,13 +85,13 @@ pub(super) fn apply(mut scene: Scene, unwrapped: &Unwrapped, kept: &[Vec<u32>], 
                 })
             })
             .collect();
-        split_vertices(mesh, &layout);
+        split_vertices(mesh, &layout, set);
     });
     scene
 }
 
 /// Replaces vertices by one per (vertex, coordinate), in order of first use.
-fn split_vertices(mesh: &mut Mesh, layout: &[[Vec2; 3]]) {
+fn split_vertices(mesh: &mut Mesh, layout: &[[Vec2; 3]], set: usize) {
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.positions.len());
     let (mut from, mut uv) = (Vec::new(), Vec::new());
     for (triangle, corners) in mesh.triangles.iter_mut().zip(layout) {
@@ -115,8 +115,8 @@ fn split_vertices(mesh: &mut Mesh, layout: &[[Vec2; 3]]) {
     for set in &mut mesh.uv_sets {
         taken(set, &from);
     }
-    if mesh.uv_sets.len() < 2 {
-        mesh.uv_sets.resize(2, Vec::new());
+    if mesh.uv_sets.len() <= set {
+        mesh.uv_sets.resize(set + 1, Vec::new());
     }
-    mesh.uv_sets[1] = uv;
+    mesh.uv_sets[set] = uv;
 }

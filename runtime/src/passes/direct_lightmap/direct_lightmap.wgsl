@@ -24,6 +24,8 @@ struct Surface {
     albedo_rg: u32,
     // Albedo b as unorm16, material index above.
     albedo_b_material: u32,
+    // Place in the receiver map as unorm16.
+    lightmap_uv: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -73,7 +75,7 @@ fn direct_lightmap(
     }
     albedo = select(albedo, vec3f(params.albedo_override), params.albedo_override >= 0.0);
 
-    let indirect = previous_irradiance((vec2f(texel) + 0.5) / f32(params.size));
+    let indirect = previous_irradiance(unpack2x16unorm(stored.lightmap_uv));
     let feedback_albedo = clamp(albedo, vec3f(0.0), vec3f(params.feedback_albedo_cap));
     let reflected = albedo * direct[entry].rgb + feedback_albedo * max(indirect, vec3f(0.0));
     let outgoing = clamp(emitted + reflected / PI, vec3f(0.0), vec3f(MAP_LARGEST));

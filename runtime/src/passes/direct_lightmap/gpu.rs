@@ -1,6 +1,6 @@
 //! GPU side of the direct light map: surface facts in pages, the material table, and the kernel over them.
 
-use super::SurfaceTexels;
+use super::{SurfaceTexels, lightmap_uv};
 use crate::gpu::{Groups, Kernel, page_bytes, storage, uniform, zeros};
 use crate::shaders;
 use bytemuck::{Pod, Zeroable};
@@ -47,6 +47,8 @@ struct Params {
 pub(crate) struct Surface<'a> {
     pub(crate) size: u32,
     pub(crate) index: &'a [u32],
+    /// Empty: places of their own.
+    pub(crate) lightmap_uv: &'a [u32],
     pub(crate) albedo: &'a [Vec3],
     pub(crate) emission: &'a [Vec3],
     /// Empty: all are 0.
@@ -58,6 +60,7 @@ impl<'a> Surface<'a> {
         Self {
             size: texels.size,
             index: &texels.index,
+            lightmap_uv: &texels.lightmap_uv,
             albedo: &texels.albedo,
             emission: &texels.emission,
             material: &[],
@@ -110,12 +113,13 @@ impl DirectLightmapPass {
             .step_by(per_page.max(1))
             .map(|first| {
                 let range = first..surface.index.len().min(first + per_page);
-                let packed: Vec<[u32; 2]> = range
+                let packed: Vec<[u32; 3]> = range
                     .clone()
                     .map(|texel| {
                         let [r, g, b] = surface.albedo[texel].to_array().map(unorm16);
                         let material = surface.material.get(texel).copied().unwrap_or(0);
-                        [r | g << 16, b | material << 16]
+                        let place = lightmap_uv(surface.size, surface.index[texel], texel, surface.lightmap_uv);
+                        [r | g << 16, b | material << 16, place]
                     })
                     .collect();
                 let emission: &[Vec3] = if has_emission { &surface.emission[range.clone()] } else { &[] };

@@ -12,6 +12,7 @@ pub use reference::direct_lightmap;
 
 use crate::error::RelightError;
 use glam::Vec3;
+use localprt_formats::quantize::pack_uv;
 use rayon::prelude::*;
 
 /// What the surface looks like in every covered texel of the direct light map. Arrays of equal length, one entry per
@@ -22,6 +23,9 @@ pub struct SurfaceTexels {
     pub size: u32,
     /// Covered texels, `y * size + x`, rising.
     pub index: Vec<u32>,
+    /// Where the texel's surface lies in the receiver map, as [`localprt_formats::quantize::pack_uv`] packs it; empty where both maps
+    /// share a layout.
+    pub lightmap_uv: Vec<u32>,
     /// Diffuse albedo, linear Rec. 709.
     pub albedo: Vec<Vec3>,
     /// Emitted radiance, W sr^-1 m^-2.
@@ -53,6 +57,7 @@ impl SurfaceTexels {
         let arrays =
             [("surface albedo", &self.albedo), ("surface emission", &self.emission), ("surface direct", &self.direct)];
         check_index(self.size, &self.index)?;
+        check_places(self.len(), &self.lightmap_uv)?;
         check_values(self.len(), &arrays.map(|(what, values)| (what, values.as_slice())))
     }
 }
@@ -66,6 +71,22 @@ pub(crate) fn check_index(size: u32, index: &[u32]) -> Result<(), RelightError> 
         Some(position) => Err(RelightError::TexelIndex { position, index: index[position], limit }),
         None => Ok(()),
     }
+}
+
+/// Refuses places that are neither one per texel nor none.
+pub(crate) fn check_places(expected: usize, lightmap_uv: &[u32]) -> Result<(), RelightError> {
+    if !lightmap_uv.is_empty() && lightmap_uv.len() != expected {
+        return Err(RelightError::Length { what: "lightmap coordinates", expected, found: lightmap_uv.len() });
+    }
+    Ok(())
+}
+
+/// Place in the receiver map, packed, of a texel of a map of `size` texels per side; `entry` counts covered texels.
+pub(crate) fn lightmap_uv(size: u32, index: u32, entry: usize, lightmap_uv: &[u32]) -> u32 {
+    lightmap_uv.get(entry).copied().unwrap_or_else(|| {
+        let center = [index % size, index / size].map(|texel| (texel as f32 + 0.5) / size as f32);
+        pack_uv(center)
+    })
 }
 
 /// Refuses named arrays of another length and values that are not finite.

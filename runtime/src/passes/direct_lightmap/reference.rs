@@ -1,8 +1,9 @@
 //! CPU twin of the direct light map.
 
-use super::SurfaceTexels;
+use super::{SurfaceTexels, lightmap_uv};
 use crate::coverage_map::CoverageMap;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
+use localprt_formats::quantize::unpack_uv;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -11,7 +12,7 @@ const ROWS_PER_TASK: usize = 16;
 
 /// Fills `light_map` with outgoing radiance `Le + albedo/pi (D + I)`, W sr^-1 m^-2, and coverage 0 or 1.
 ///
-/// `previous` is the receiver irradiance map of the gather before, of any size, read bilinearly at each texel's centre
+/// `previous` is the receiver irradiance map of the gather before, of any size, read bilinearly at each texel's place there
 /// with taps weighted by coverage; `None` is none. Only the albedo that multiplies the previous irradiance is limited to
 /// `0..=feedback_albedo_cap`, so that the feedback converges although ringing can push the gain of the reconstruction
 /// above 1; the first reflection of direct light keeps the full albedo. Negative irradiance counts as 0, and so does
@@ -35,8 +36,8 @@ pub fn direct_lightmap(
         let end = surface.index.partition_point(|&index| (index as usize) < first + texels.len());
         for entry in begin..end {
             let index = surface.index[entry] as usize;
-            let center = Vec2::new((index % size) as f32 + 0.5, (index / size) as f32 + 0.5) / size as f32;
-            let indirect = previous.and_then(|map| map.sample(center)).unwrap_or(Vec3::ZERO);
+            let place = unpack_uv(lightmap_uv(surface.size, surface.index[entry], entry, &surface.lightmap_uv));
+            let indirect = previous.and_then(|map| map.sample(place.into())).unwrap_or(Vec3::ZERO);
             let feedback_albedo = surface.albedo[entry].clamp(Vec3::ZERO, Vec3::splat(feedback_albedo_cap));
             let reflected = surface.albedo[entry] * surface.direct[entry] + feedback_albedo * indirect.max(Vec3::ZERO);
             let outgoing = surface.emission[entry] + reflected / PI;
@@ -48,11 +49,13 @@ pub fn direct_lightmap(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use localprt_formats::quantize::pack_uv;
 
     fn one_texel(albedo: f32, emission: f32, direct: f32) -> SurfaceTexels {
         SurfaceTexels {
             size: 4,
             index: vec![6],
+            lightmap_uv: Vec::new(),
             albedo: vec![Vec3::splat(albedo)],
             emission: vec![Vec3::splat(emission)],
             direct: vec![Vec3::splat(direct)],
@@ -105,7 +108,16 @@ mod tests {
         previous.texels_mut()[1] = Vec3::splat(5.0).extend(1.0);
         // Texel 6 of 4 x 4 has its centre at uv (0.625, 0.375), that is (0.75, 0.25) between the centres of 2 x 2; the
         // lower row is uncovered and takes no part.
-        assert_near(outgoing(&one_texel(0.5, 0.0, 0.0), Some(&previous)), 0.5 / PI * (0.25 * 1.0 + 0.75 * 5.0));
+        let found = outgoing(&one_texel(0.5, 0.0, 0.0), Some(&previous));
+        // Places are stored to half of 1/65535: 2 texels by 4 of irradiance, 4 * 2 / 131070 of 4 at most.
+        assert!((found / (0.5 / PI * (0.25 * 1.0 + 0.75 * 5.0)) - 1.0).abs() <= 2e-5, "{found}");
+        // In a map of another layout its place is given: the centre of the left texel above.
+        let elsewhere = SurfaceTexels { lightmap_uv: vec![pack_uv([0.25, 0.25])], ..one_texel(0.5, 0.0, 0.0) };
+        assert!((outgoing(&elsewhere, Some(&previous)) / (0.5 / PI) - 1.0).abs() <= 7e-5);
+        assert_eq!(
+            SurfaceTexels { lightmap_uv: vec![0; 2], ..elsewhere }.check(4),
+            Err(crate::RelightError::Length { what: "lightmap coordinates", expected: 1, found: 2 })
+        );
     }
 
     #[test]
@@ -119,8 +131,14 @@ mod tests {
         let outside = SurfaceTexels { index: vec![16], ..good.clone() };
         assert_eq!(outside.check(4), Err(TexelIndex { position: 0, index: 16, limit: 16 }));
         let two = vec![Vec3::ZERO; 2];
-        let twice =
-            SurfaceTexels { size: 4, index: vec![6, 6], albedo: two.clone(), emission: two.clone(), direct: two };
+        let twice = SurfaceTexels {
+            size: 4,
+            index: vec![6, 6],
+            lightmap_uv: Vec::new(),
+            albedo: two.clone(),
+            emission: two.clone(),
+            direct: two,
+        };
         assert_eq!(twice.check(4), Err(TexelIndex { position: 1, index: 6, limit: 16 }));
         let infinite = SurfaceTexels { direct: vec![Vec3::splat(f32::INFINITY)], ..good };
         assert_eq!(infinite.check(4), Err(NotFinite { what: "surface direct", index: 0 }));

@@ -88,6 +88,7 @@ fn the_furnace_settles_at_its_closed_form() {
     let options = RelighterOptions { bounces: 4, ..SINGLE };
     let mut gpu = Relighter::new(&device, &queue, arrays.view(), options).unwrap();
     let texels = SurfaceTexels {
+        lightmap_uv: Vec::new(),
         size: 8,
         index: (0..64).collect(),
         albedo: vec![Vec3::splat(0.5); 64],
@@ -227,6 +228,7 @@ fn a_map_of_the_host_takes_the_place_of_the_direct_light_map() {
 
     // Texels of the host's map that the surface does not cover are gone afterwards.
     gpu.set_surface(&SurfaceTexels {
+        lightmap_uv: Vec::new(),
         index: vec![9],
         albedo: vec![Vec3::ONE],
         emission: vec![Vec3::ONE],

@@ -98,6 +98,7 @@ fn lit_floor() -> (SceneTexels, ShadowCasters) {
     let place = |texel: u32| Vec3::new((texel % 8) as f32 / 2.0 - 1.75, 0.0, (texel / 8) as f32 / 2.0 - 1.75);
     let n = 64;
     let texels = SceneTexels {
+        lightmap_uv: Vec::new(),
         size: 8,
         index: (0..64).collect(),
         position: (0..64).map(place).collect(),
