@@ -475,6 +475,21 @@ fn node_extras_say_how_fine_a_lightmap_is() {
 }
 
 #[test]
+fn a_light_map_is_laid_out_by_a_set_that_all_meshes_have() {
+    let (mut root, bin) = square();
+    let mut named = |set: Value| {
+        root["asset"]["extras"] = json!({"localprt": {"light_map_set": set}});
+        load_glb(&root, &bin).map(|scene| scene.light_map_set)
+    };
+    assert_eq!(named(json!(0)).expect("a sound file"), Some(0));
+    for wrong in [json!(2), json!(-1), json!("2")] {
+        let error = named(wrong).expect_err("refused");
+        let place = "/asset/extras/localprt/light_map_set";
+        assert!(matches!(&error, LoadError::Invalid { pointer, .. } if pointer == place), "{error}");
+    }
+}
+
+#[test]
 fn unusable_triangles_are_dropped_but_other_sides_stay() {
     let (mut root, mut bin) = square();
     // Twice the same, once turned, once flat, once from behind.

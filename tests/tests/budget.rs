@@ -130,7 +130,7 @@ fn steps_of_density_are_no_steps_of_light() {
         [sum / light, largest * 3.0 * 38.0 / light]
     };
     let [even, uneven] = [steps([1.0; 4]), steps([1.0, 2.0, 4.0, 8.0])];
-    // Of the coarsest strip a texel is 0.26 m: the largest step is what light changes over half of that.
+    // Not derived: measured are 1.04 and 1.65 times, and 2.1 %.
     assert!(uneven[0] < 1.2 * even[0] && uneven[1] < 2.0 * even[1], "{uneven:?} {even:?}");
     assert!(uneven[0] < 0.03, "{uneven:?}");
 }

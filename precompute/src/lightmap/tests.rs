@@ -137,11 +137,18 @@ fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
     let (map, places) = texels::cover_visible(&after, &light_map, 256, &lightmap, size, &has_receiver);
     let share = map.texels.len() as f32 / (256.0 * 256.0);
     assert!(share > 0.55, "{share} of the light map is used");
-    // The place in the receiver map is that of the same point of the surface.
+    // At its place in the receiver map a texel finds a texel of the same surface: it samples it within its diagonal, 0.1 m sqrt(2).
+    let at_receivers: std::collections::BTreeMap<u32, Texel> =
+        texels::cover(&after, &lightmap, size).texels.into_iter().map(|texel| (texel.index, texel)).collect();
+    let position = |texel: &Texel| {
+        let corners = after.corners(texel.mesh as usize, texel.triangle as usize);
+        (0..3).map(|corner| corners[corner] * texel.barycentrics[corner]).sum::<Vec3>()
+    };
     for (texel, place) in map.texels.iter().zip(&places) {
-        let [a, b, c] = lightmap.corners[texel.face.0 as usize];
-        let weights = texel.barycentrics;
-        assert!((a * weights.x + b * weights.y + c * weights.z).distance(*place) < 1e-6);
+        let [x, y] = (*place * size as f32).to_array().map(|at| (at as u32).min(size - 1));
+        let found = at_receivers.get(&(y * size + x)).expect("a covered texel");
+        let apart_m = position(texel).distance(position(found));
+        assert!(apart_m < 0.1 * 2.0f32.sqrt() + 1e-3, "{apart_m}");
     }
     // Charts are two texels apart there, too.
     let charts = chart_map(&map);

@@ -19,7 +19,7 @@ const VIEWPOINTS: usize = 2048;
 const RAYS: u32 = 256;
 /// Viewpoints at each camera; together no more than a third of all.
 const PER_CAMERA: usize = 256;
-/// Distance from the surface, in finest scales of probes, or the middle of the space above; where that is lower nobody stands.
+/// Distance from the surface, in finest scales of charts, or the middle of the space above; where that is lower nobody stands.
 const DISTANCE: f32 = 2.0;
 /// Least distance from any surface, as a share of that.
 const CLEARANCE: f32 = 0.125;

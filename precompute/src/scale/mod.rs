@@ -18,8 +18,8 @@
 //! t^6 ~ R^4 / W                                                                    (S1)
 //! ```
 //!
-//! W being how much is seen of an area, relative to what is typical ([`importance`]). Texels and the distances between probes follow it; where large faces are cut
-//! goes with R alone.
+//! W being how much is seen of an area, relative to what is typical ([`importance`]). Texels and the distances between probes follow
+//! it; where large faces are cut goes with R alone.
 //!
 //! In crevices R goes to zero, and there are always more of them the closer one looks. It is followed down to a finest scale ε, of which
 //! the texels there are a fixed share (S1): what is finer than texels cannot be told. With n squares of edge t in all and k² of them on
@@ -90,6 +90,7 @@ pub struct LocalScale {
     samples: Vec<Sample>,
     tree: Option<Tree>,
     focus: Vec<Focus>,
+    /// Receivers that there will be, for (S2).
     receivers: u32,
     /// Finest scale for texels, metres.
     finest_m: f32,

@@ -137,7 +137,12 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<Document, LoadError>
             .map(|scene| array(source, &root, &format!("/scenes/{scene}/nodes")).map(indices_in))
             .collect::<Result<_, _>>()?,
         scene: root["scene"].as_u64().map(|index| index as usize),
-        light_map_set: root.pointer(LIGHT_MAP_SET).and_then(Value::as_u64).map(|set| set as usize),
+        light_map_set: match root.pointer(LIGHT_MAP_SET) {
+            None => None,
+            Some(set) => Some(set.as_u64().ok_or_else(|| {
+                source.invalid(LIGHT_MAP_SET, format!("{}, must be the number of a set", brief(set)), REPAIR)
+            })? as usize),
+        },
     })
 }
 
