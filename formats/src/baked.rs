@@ -42,6 +42,26 @@ pub struct ClusterRecord {
     pub reserved: u32,
 }
 
+/// Receivers that read near light together: a run of at most [`NEAR_TILE`]. Each field is the first of the tile's own; the
+/// tile ends where the next begins, and one more after the last tells the totals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct NearTile {
+    /// First receiver.
+    pub first_receiver: u32,
+    /// First of its nodes.
+    pub first_node: u32,
+    /// First of its links.
+    pub first_link: u32,
+    /// Weight of the code 127.
+    pub scale: f32,
+}
+
+/// Most receivers of a tile of near light.
+pub const NEAR_TILE: u32 = 64;
+/// Most nodes of a tile of near light.
+pub const NEAR_NODES: u32 = 256;
+
 /// Regular grid of a volume: where its cells lie, and the degree of what they hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -173,6 +193,8 @@ pub struct BakedArrays {
     pub seams: Vec<[u32; 2]>,
     /// Light in the open space, for objects that move.
     pub volume: Option<VolumeArrays>,
+    /// What receivers read from the light map beside their probes.
+    pub near: Option<NearArrays>,
     /// The bake report without times, JSON; may be empty.
     pub report: String,
 }
@@ -194,6 +216,58 @@ pub struct VolumeArrays {
     pub reconstruction: Vec<f16>,
     /// `[cell, cell]`: a cell without receiver, and the one with a receiver whose values it takes.
     pub fill: Vec<[u32; 2]>,
+}
+
+/// Near light: texels of mip levels of the direct light map that receivers read beside their probes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NearArrays {
+    /// `[n_tiles + 1]`.
+    pub tiles: Vec<NearTile>,
+    /// Nodes of all tiles: mip level in the upper 4 bits, `y * size of the level + x` below.
+    pub nodes: Vec<u32>,
+    /// `[n_receivers]` links of each.
+    pub counts: Vec<u8>,
+    /// `[n_links]` node of each, by its place in the tile's.
+    pub links: Vec<u8>,
+    /// `[n_links][n_k]` codes of [`crate::quantize::near_weight`].
+    pub weights: Vec<i8>,
+}
+
+/// Borrowed view of near light; fields as in [`NearArrays`].
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub struct NearView<'a> {
+    pub tiles: &'a [NearTile],
+    pub nodes: &'a [u32],
+    pub counts: &'a [u8],
+    pub links: &'a [u8],
+    pub weights: &'a [i8],
+}
+
+impl NearArrays {
+    /// The same arrays, borrowed.
+    pub fn view(&self) -> NearView<'_> {
+        NearView {
+            tiles: &self.tiles,
+            nodes: &self.nodes,
+            counts: &self.counts,
+            links: &self.links,
+            weights: &self.weights,
+        }
+    }
+}
+
+/// Level of a node, and its texel there, `y * size of the level + x`.
+pub fn node_level_and_texel(node: u32) -> (u32, u32) {
+    (node >> 28, node & 0x0fff_ffff)
+}
+
+impl NearView<'_> {
+    /// Bytes of the arrays.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(self.tiles) + size_of_val(self.nodes) + self.counts.len() + self.links.len() + self.weights.len())
+            as u64
+    }
 }
 
 /// Borrowed view of a volume; fields as in [`VolumeArrays`].
@@ -246,6 +320,7 @@ pub struct BakedView<'a> {
     pub gutters: &'a [[u32; 2]],
     pub seams: &'a [[u32; 2]],
     pub volume: Option<VolumeView<'a>>,
+    pub near: Option<NearView<'a>>,
     pub report: &'a str,
 }
 
@@ -271,6 +346,7 @@ impl BakedArrays {
             gutters: &self.gutters,
             seams: &self.seams,
             volume: self.volume.as_ref().map(VolumeArrays::view),
+            near: self.near.as_ref().map(NearArrays::view),
             report: &self.report,
         }
     }

@@ -1,4 +1,4 @@
-//! Invariants across sections: rules 31 to 76 of `SPEC.md`. The same function runs before writing and after opening.
+//! Invariants across sections: rules 31 to 86 of `SPEC.md`. The same function runs before writing and after opening.
 //!
 //! [`check`] adds to that every checksum and the content hash, which opening leaves out because they read every byte twice.
 
@@ -7,7 +7,10 @@ use std::path::Path;
 
 use half::f16;
 
-use crate::baked::{BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, VolumeView};
+use crate::baked::{
+    BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, NEAR_NODES, NEAR_TILE, VolumeView,
+    node_level_and_texel,
+};
 use crate::error::OpenError;
 use crate::open;
 
@@ -69,7 +72,7 @@ impl Violation {
     }
 }
 
-/// Checks rules 31 to 76, in order but for 49, and stops at the first that is broken.
+/// Checks rules 31 to 86, in order but for 49, and stops at the first that is broken.
 ///
 /// Memory: four bytes per receiver and gutter texel, to find texels that occur twice; likewise for the cells of a volume.
 ///
@@ -87,7 +90,8 @@ pub fn check_invariants(view: &BakedView<'_>) -> Result<(), Violation> {
     {
         return fail(62, format!("report: not JSON: {error}"));
     }
-    view.volume.as_ref().map_or(Ok(()), |volume| check_volume(view, volume))
+    view.volume.as_ref().map_or(Ok(()), |volume| check_volume(view, volume))?;
+    check_near(view)
 }
 
 fn fail<T>(rule: u16, message: String) -> Result<T, Violation> {
@@ -415,6 +419,63 @@ fn check_volume(view: &BakedView<'_>, volume: &VolumeView<'_>) -> Result<(), Vio
         Some(cell) => fail(76, format!("volume fill: cell {cell} is filled twice, or has a receiver")),
         None => Ok(()),
     }
+}
+
+/// Rules 80 to 86: near light, if there is any.
+///
+/// # Errors
+/// The rule, with the place.
+pub fn check_near(view: &BakedView<'_>) -> Result<(), Violation> {
+    let Some(near) = &view.near else { return Ok(()) };
+    let (n_receivers, n_links) = (view.receiver_texel.len(), near.links.len());
+    let ([first, ..], Some(end)) = (near.tiles, near.tiles.last()) else {
+        return fail(80, "near light: there is no tile".into());
+    };
+    if near.counts.len() != n_receivers {
+        return fail(81, format!("near light: {} counts of links for {n_receivers} receivers", near.counts.len()));
+    }
+    let starts = [first.first_receiver, first.first_node, first.first_link];
+    let ends = [end.first_receiver, end.first_node, end.first_link].map(|end| end as usize);
+    if starts != [0; 3] || ends != [n_receivers, near.nodes.len(), n_links] {
+        return fail(81, format!("near light: tiles go from {starts:?} to {ends:?}, not over all arrays"));
+    }
+    for (i, pair) in near.tiles.windows(2).enumerate() {
+        let [tile, next] = [pair[0], pair[1]];
+        let receivers = tile.first_receiver..next.first_receiver;
+        let n_nodes = next.first_node.checked_sub(tile.first_node);
+        if !(1..=NEAR_TILE as usize).contains(&receivers.len())
+            || n_nodes.is_none_or(|nodes| nodes > NEAR_NODES)
+            || next.first_receiver as usize > n_receivers
+        {
+            return fail(82, format!("near tile {i}: receivers {receivers:?} with {n_nodes:?} nodes"));
+        }
+        let counts = &near.counts[tile.first_receiver as usize..next.first_receiver as usize];
+        let expected = u64::from(tile.first_link) + counts.iter().map(|count| u64::from(*count)).sum::<u64>();
+        if u64::from(next.first_link) != expected {
+            return fail(83, format!("near tile {i}: links end at {}, must end at {expected}", next.first_link));
+        }
+        if !(tile.scale.is_finite() && tile.scale >= 0.0) {
+            return fail(84, format!("near tile {i}: scale {} is not usable", tile.scale));
+        }
+        let links = near.links.get(tile.first_link as usize..next.first_link as usize).unwrap_or_default();
+        if let Some(link) = links.iter().position(|link| u32::from(*link) >= n_nodes.unwrap_or_default()) {
+            return fail(86, format!("near tile {i}: link {link} to node {} of {n_nodes:?}", links[link]));
+        }
+    }
+    // Levels halve rounded up.
+    let direct_size = view.metadata.direct_size.max(1);
+    let last_level = direct_size.next_power_of_two().ilog2().min(MAX_LEVEL.into());
+    for (i, &node) in near.nodes.iter().enumerate() {
+        let (level, texel) = node_level_and_texel(node);
+        let size = u64::from(direct_size.div_ceil(1 << level));
+        if level > last_level || u64::from(texel) >= size * size {
+            return fail(85, format!("near node {i}: texel {texel} of level {level}, whose size is {size}"));
+        }
+    }
+    if near.weights.len() as u64 != n_links as u64 * view.metadata.n_k() as u64 {
+        return fail(86, format!("near light: {} weights for {n_links} links", near.weights.len()));
+    }
+    Ok(())
 }
 
 /// Texels of the receiver map; rule 32 keeps it within 2^28.

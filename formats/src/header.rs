@@ -9,7 +9,7 @@ pub const MAGIC: [u8; 8] = *b"\x89LPR\r\n\x1a\n";
 /// Major version this crate reads and writes; others are refused.
 pub const VERSION_MAJOR: u16 = 1;
 /// Minor version this crate writes; any is read.
-pub const VERSION_MINOR: u16 = 1;
+pub const VERSION_MINOR: u16 = 2;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 64;
 /// Bytes of one entry of the section table.
@@ -138,6 +138,11 @@ pub(crate) enum Known {
     VolumeProjection,
     VolumeReconstruction,
     VolumeFill,
+    NearTiles,
+    NearNodes,
+    NearCounts,
+    NearLinks,
+    NearWeights,
     Report,
 }
 
@@ -147,19 +152,27 @@ pub(crate) struct Layout {
     pub version: u16,
     pub scalar: Scalar,
     pub components: u16,
+    /// Whether readers that do not know it must refuse the file.
     pub required: bool,
+    /// Whether every file has it.
+    pub expected: bool,
 }
 
 const fn layout(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true }
+    Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true, expected: true }
 }
 
 const fn optional(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { required: false, ..layout(kind, scalar, components) }
+    Layout { required: false, expected: false, ..layout(kind, scalar, components) }
+}
+
+/// Absent from some files; where it is there, a reader that skipped it would show wrong light.
+const fn understood(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
+    Layout { expected: false, ..layout(kind, scalar, components) }
 }
 
 /// Descriptions of all known sections, by [`Known`].
-pub(crate) const LAYOUTS: [Layout; 25] = [
+pub(crate) const LAYOUTS: [Layout; 30] = [
     layout(b"META", Scalar::U8, 1),
     layout(b"PROB", Scalar::F32, 4),
     layout(b"RDIR", Scalar::F32, 4),
@@ -184,6 +197,11 @@ pub(crate) const LAYOUTS: [Layout; 25] = [
     optional(b"VPRJ", Scalar::F16, 1),
     optional(b"VREC", Scalar::F16, 1),
     optional(b"VFIL", Scalar::U32, 2),
+    understood(b"NTIL", Scalar::U32, 4),
+    understood(b"NNOD", Scalar::U32, 1),
+    understood(b"NCNT", Scalar::U8, 1),
+    understood(b"NIDX", Scalar::U8, 1),
+    understood(b"NWGT", Scalar::U8, 1),
     optional(b"REPT", Scalar::U8, 1),
 ];
 
@@ -201,6 +219,10 @@ pub(crate) const VOLUME: [Known; 7] = [
     Known::VolumeReconstruction,
     Known::VolumeFill,
 ];
+
+/// Sections of near light: all of them or none.
+pub(crate) const NEAR: [Known; 5] =
+    [Known::NearTiles, Known::NearNodes, Known::NearCounts, Known::NearLinks, Known::NearWeights];
 
 /// A checked header with its table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -290,7 +312,7 @@ impl Header {
             }
             self.known[known] = Some(index);
         }
-        match LAYOUTS.iter().zip(&self.known).find(|(layout, found)| layout.required && found.is_none()) {
+        match LAYOUTS.iter().zip(&self.known).find(|(layout, found)| layout.expected && found.is_none()) {
             Some((layout, _)) => Err(OpenError::MissingSection { section: layout.kind }),
             None => Ok(()),
         }

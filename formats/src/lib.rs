@@ -60,8 +60,8 @@ pub mod weight;
 pub mod write;
 
 pub use baked::{
-    BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe, VolumeArrays,
-    VolumeGrid, VolumeView,
+    BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, NEAR_NODES, NEAR_TILE,
+    NearArrays, NearTile, NearView, Probe, VolumeArrays, VolumeGrid, VolumeView, node_level_and_texel,
 };
 pub use check::{Violation, check, check_bytes, check_invariants};
 pub use error::{OpenError, WriteError};

@@ -8,10 +8,10 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
-use crate::baked::{BakedView, Metadata, VolumeGrid, VolumeView};
+use crate::baked::{BakedView, Metadata, NearView, VolumeGrid, VolumeView};
 use crate::check::{Violation, check_invariants};
 use crate::error::OpenError;
-use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, SectionInfo, VOLUME};
+use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, NEAR, SectionInfo, VOLUME};
 use crate::metadata;
 
 #[cfg(target_endian = "big")]
@@ -229,6 +229,11 @@ fn section_ranges(header: &Header) -> Result<[Range<usize>; LAYOUTS.len()], Viol
         let message = format!("volume: {present} of its {} sections are present", VOLUME.len());
         return Err(Violation { rule: 70, message });
     }
+    let near = NEAR.iter().filter(|known| header.known[**known as usize].is_some()).count();
+    if near != 0 && (near != NEAR.len() || ranges[Known::NearTiles as usize].is_empty()) {
+        let message = format!("near light: {near} of its {} sections are present, or NTIL is empty", NEAR.len());
+        return Err(Violation { rule: 80, message });
+    }
     if VOLUME.iter().any(|known| header.known[*known as usize].is_none()) {
         VOLUME.iter().for_each(|known| ranges[*known as usize] = 0..0);
     } else if ranges[Known::Volume as usize].len() != size_of::<VolumeGrid>() {
@@ -275,8 +280,20 @@ fn view<'a>(
             reconstruction: slice(file, ranges, Known::VolumeReconstruction),
             fill: slice(file, ranges, Known::VolumeFill),
         }),
+        near: has_near(ranges).then(|| NearView {
+            tiles: slice(file, ranges, Known::NearTiles),
+            nodes: slice(file, ranges, Known::NearNodes),
+            counts: slice(file, ranges, Known::NearCounts),
+            links: slice(file, ranges, Known::NearLinks),
+            weights: slice(file, ranges, Known::NearWeights),
+        }),
         report,
     }
+}
+
+/// Its tiles have an element at least.
+fn has_near(ranges: &[Range<usize>; LAYOUTS.len()]) -> bool {
+    !ranges[Known::NearTiles as usize].is_empty()
 }
 
 /// A section's elements in place: the file is aligned to 8, sections to 256, and lengths are whole elements (rule 14).

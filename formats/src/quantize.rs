@@ -50,6 +50,23 @@ pub fn unpack_uv(packed: u32) -> [f32; 2] {
     [(packed & 0xffff) as f32 / 65535.0, (packed >> 16) as f32 / 65535.0]
 }
 
+/// Weight of a link of near light by its code, two's complement: `scale (code / 127)^2`, with the sign of the code.
+///
+/// For a weight of size `|w| <= scale` the nearest code is off by at most `sqrt(scale |w|) / 127 + scale / 254^2`.
+pub fn near_weight(code: i8, scale: f32) -> f32 {
+    let root = f32::from(code) / 127.0;
+    scale * root * root.abs()
+}
+
+/// The code of a weight of at most `scale`: 0 where that is 0.
+pub fn near_code(weight: f32, scale: f32) -> i8 {
+    if scale <= 0.0 {
+        return 0;
+    }
+    let root = (weight.abs() / scale).sqrt().min(1.0);
+    (127.0 * root).round().copysign(weight) as i8
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

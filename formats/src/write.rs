@@ -142,6 +142,11 @@ const ORDER: [Known; LAYOUTS.len()] = [
     Known::VolumeProjection,
     Known::VolumeReconstruction,
     Known::VolumeFill,
+    Known::NearTiles,
+    Known::NearNodes,
+    Known::NearCounts,
+    Known::NearLinks,
+    Known::NearWeights,
     Known::Report,
 ];
 
@@ -174,6 +179,11 @@ fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option
         Known::VolumeProjection => cast_slice(view.volume?.projection),
         Known::VolumeReconstruction => cast_slice(view.volume?.reconstruction),
         Known::VolumeFill => cast_slice(view.volume?.fill),
+        Known::NearTiles => cast_slice(view.near?.tiles),
+        Known::NearNodes => cast_slice(view.near?.nodes),
+        Known::NearCounts => view.near?.counts,
+        Known::NearLinks => view.near?.links,
+        Known::NearWeights => cast_slice(view.near?.weights),
         Known::Report if view.report.is_empty() => return None,
         Known::Report => view.report.as_bytes(),
     })

@@ -102,6 +102,16 @@ fn report(
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
     let of = |values: &[Vec3]| MethodError::of(values, &reference).ok_or("no light reaches any receiver");
     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let (links, linked) = (last_leg::LINKS.load(std::sync::atomic::Ordering::Relaxed), last_leg::LINKED.load(std::sync::atomic::Ordering::Relaxed));
+    println!("links {:.2}", links as f64 / linked.max(1) as f64);
+    let n99 = |values: &[Vec3]| {
+        let mut squared: Vec<f64> = values.iter().zip(&reference).map(|(a, b)| f64::from((*a - *b).length_squared())).collect();
+        squared.sort_unstable_by(f64::total_cmp);
+        let kept = squared.len() - squared.len().div_ceil(100);
+        let of_reference: f64 = reference.iter().map(|r| f64::from(r.length())).sum::<f64>() / reference.len() as f64;
+        (squared[..kept].iter().sum::<f64>() / kept as f64).sqrt() / of_reference
+    };
+    println!("  99: paper {:.3} rows {:.3} file {:.3}", n99(&paper), n99(&rows), n99(&compressed));
     let (a, b, c) = (of(&paper)?, of(&rows)?, of(&compressed)?);
     println!(
         "{name}: nrmse {:.4} -> {:.4} ({:.2}), median {:.4} -> {:.4}, 95 % {:.3} -> {:.3}, 99 % {:.2} -> {:.2}, bias {:+.1} -> \

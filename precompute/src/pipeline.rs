@@ -9,7 +9,7 @@ use crate::{
     budget::{self, Spent},
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
-    lightmap::{Atlas, ReceiverSet, texels},
+    lightmap::{Atlas, ChartPyramid, ReceiverSet, texels},
     probes,
     progress::Progress,
     rays::RayCaster,
@@ -116,7 +116,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         let (direct, _) =
             texels::cover_visible(&scene, &light_map, settings.direct_map, &atlas, layout.size, &has_receiver);
         let rays =
-            relight_rays::trace(&caster, &light_map, &direct, &probes.positions, settings.relight_rays, &probe_basis);
+            relight_rays::trace(&caster, &light_map, &ChartPyramid::of(&direct), &probes.positions, settings.relight_rays, &probe_basis);
         (rays, direct.texels.len())
     };
     progress.check()?;
@@ -141,6 +141,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         probe_basis: &probe_basis,
         sky_basis: &sky_basis,
         fit: fit.as_ref(),
+        near: None,
     };
     let refining = RefineSettings {
         threshold: f64::from(settings.threshold),

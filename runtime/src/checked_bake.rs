@@ -4,7 +4,8 @@ use crate::checked_volume::CheckedVolume;
 use crate::error::RelightError;
 use half::f16;
 use localprt_formats::sh::{self, MAX_DEGREE};
-use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL, VolumeView};
+use localprt_formats::check::check_near;
+use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL, NearView, VolumeView};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -46,6 +47,7 @@ impl<'a> CheckedBake<'a> {
         check_receivers(&view)?;
         let transport = Transport::of_lightmap(&view)?;
         let volume = view.volume.map(|volume| CheckedVolume::new(&view, volume)).transpose()?;
+        check_near(&view).or_else(|violation| fail("near light", violation.message))?;
         let mut checked = Self { view, transport, volume, cosine_weights: Vec::new() };
         if meta.receiver_degree == 1 {
             checked.cosine_weights =
@@ -102,6 +104,11 @@ impl<'a> CheckedBake<'a> {
     /// Grid in the open space, for objects that move, and transport to its cells; `None` if the file has none.
     pub fn volume(&self) -> Option<&CheckedVolume<'a>> {
         self.volume.as_ref()
+    }
+
+    /// What receivers read from the light map beside their probes; `None` if the file has no near light.
+    pub fn near(&self) -> Option<&NearView<'a>> {
+        self.view.near.as_ref()
     }
 
     pub(crate) fn cosine_weights(&self) -> &[[f32; 4]] {

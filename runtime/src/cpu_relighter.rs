@@ -8,6 +8,7 @@ use crate::passes::cluster_projection::cluster_projection;
 use crate::passes::direct_lightmap::{SurfaceTexels, direct_lightmap};
 use crate::passes::gutter_dilation::gutter_dilation;
 use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
+use crate::passes::near_light::near_light;
 use crate::passes::probe_relight::probe_relight;
 use crate::passes::receiver_reconstruction::{receiver_irradiance, receiver_reconstruction};
 use crate::passes::volume_fill::{VolumeSampler, volume_fill};
@@ -255,6 +256,9 @@ impl<'a> CpuRelighter<'a> {
         probe_relight(baked, &self.light_map, sky_rays, inputs.occluders, &mut self.probe_radiance);
         cluster_projection(baked.transport(), &self.probe_radiance, inputs.sky_sh, &mut self.cluster_lights);
         receiver_reconstruction(baked.transport(), &self.cluster_lights, &mut self.relit.coefficients);
+        if let Some(near) = baked.near() {
+            near_light(near, &self.light_map, &mut self.relit.coefficients);
+        }
         receiver_irradiance(baked, &self.relit.coefficients, &mut self.relit.irradiance);
         self.write_irradiance_map();
         self.gathers += 1;

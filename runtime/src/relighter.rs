@@ -16,6 +16,7 @@ use crate::passes::direct_irradiance::{DirectPass, DirectTimestamps};
 use crate::passes::direct_lightmap::{DirectLightmapPass, Maps, Surface, SurfaceTexels};
 use crate::passes::gutter_dilation::{GutterDilationPass, ReceiverMaps};
 use crate::passes::lightmap_mips::{LightMap, LightmapMipsPass};
+use crate::passes::near_light::NearLightPass;
 use crate::passes::probe_relight::ProbeRelightPass;
 use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
 use crate::passes::shadow_map::ShadowCasters;
@@ -44,6 +45,7 @@ pub struct Relighter {
     probe_relight: ProbeRelightPass,
     cluster_projection: ClusterProjectionPass,
     receiver_reconstruction: ReceiverReconstructionPass,
+    near_light: Option<NearLightPass>,
     gutter_dilation: GutterDilationPass,
     volume: Option<GpuVolume>,
     direct_pass: Option<DirectPass>,
@@ -102,6 +104,7 @@ impl Relighter {
             lightmap_mips: LightmapMipsPass::new(device, &light_map),
             cluster_projection: ClusterProjectionPass::new(device, &pages, &probe_relight.probe_radiance, n_columns),
             receiver_reconstruction: ReceiverReconstructionPass::new(device, &pages, baked.n_k()),
+            near_light: baked.near().map(|near| NearLightPass::new(device, near, &pages, &light_map, baked.n_k())),
             gutter_dilation: GutterDilationPass::new(device, &baked, &pages, &maps),
             volume: baked
                 .volume()
@@ -339,6 +342,9 @@ impl Relighter {
             self.pass(encoder, "probe_relight", |this, pass| this.probe_relight.encode(pass));
             self.pass(encoder, "cluster_projection", |this, pass| this.cluster_projection.encode(pass));
             self.pass(encoder, "receiver_reconstruction", |this, pass| this.receiver_reconstruction.encode(pass));
+            if self.near_light.is_some() {
+                self.pass(encoder, "near_light", Self::encode_near_light);
+            }
             self.pass(encoder, "gutter_dilation", |this, pass| this.gutter_dilation.encode(pass));
             self.gathers += 1;
         }
@@ -357,17 +363,23 @@ impl Relighter {
     /// Records one pass of a gather alone, by its name in [`Relighter::traffic`], for measuring; false for a name that is
     /// none.
     pub fn encode_pass(&mut self, encoder: &mut wgpu::CommandEncoder, name: &str) -> bool {
-        let passes: [Pass; 6] = [
+        let passes: [Pass; 7] = [
             ("direct_lightmap", |this, pass| this.direct_lightmap.encode(pass)),
             ("lightmap_mips", |this, pass| this.lightmap_mips.encode(pass)),
             ("probe_relight", |this, pass| this.probe_relight.encode(pass)),
             ("cluster_projection", |this, pass| this.cluster_projection.encode(pass)),
             ("receiver_reconstruction", |this, pass| this.receiver_reconstruction.encode(pass)),
+            ("near_light", Self::encode_near_light),
             ("gutter_dilation", |this, pass| this.gutter_dilation.encode(pass)),
         ];
         let Some((name, record)) = passes.into_iter().find(|(known, _)| *known == name) else { return false };
         self.pass(encoder, name, record);
         true
+    }
+
+    /// Nothing where the file has no near light.
+    fn encode_near_light(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.near_light.iter().for_each(|near_light| near_light.encode(pass));
     }
 
     /// Shadow maps and direct irradiance.

@@ -1,10 +1,14 @@
 //! Small baked files made by hand for tests.
 
+use crate::coverage_map::CoverageMap;
+use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
 use glam::Vec3;
 use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform, spherical_fibonacci};
 use localprt_formats::sh::{Basis, function_count};
-use localprt_formats::{BakedArrays, ClusterRecord, Probe, VolumeArrays, VolumeGrid};
+use localprt_formats::{
+    BakedArrays, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid,
+};
 
 /// Relight rays of the bakes here.
 pub const N_RAYS: u32 = 1000;
@@ -65,6 +69,59 @@ pub fn furnace(probe_degree: u32) -> BakedArrays {
     arrays.cluster_probes = vec![0, 1];
     arrays.clusters = vec![ClusterRecord { n_receivers: 16, n_probes: 2, n_coefficients: 1, ..Default::default() }];
     arrays
+}
+
+/// The same file with near light: some links for every receiver, to any node.
+pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
+    let (n_receivers, n_k) = (arrays.receiver_texel.len(), arrays.metadata.n_k());
+    let sizes = level_sizes(arrays.metadata.direct_size);
+    let mut near = NearArrays::default();
+    let random = |stream: u64, i: usize| counter_hash(77, stream, i as u64) as u32;
+    let mut receiver = 0;
+    while receiver < n_receivers {
+        let in_tile = (1 + random(0, receiver) as usize % NEAR_TILE as usize).min(n_receivers - receiver);
+        let n_nodes = 1 + random(1, receiver) % NEAR_NODES;
+        near.tiles.push(NearTile {
+            first_receiver: receiver as u32,
+            first_node: near.nodes.len() as u32,
+            first_link: near.links.len() as u32,
+            scale: 0.5,
+        });
+        for _ in 0..n_nodes {
+            let level = random(2, near.nodes.len()) % sizes.len() as u32;
+            let size = sizes[level as usize];
+            near.nodes.push(level << 28 | random(3, near.nodes.len()) % (size * size));
+        }
+        for _ in 0..in_tile {
+            let count = random(4, receiver) % 6;
+            near.counts.push(count as u8);
+            for _ in 0..count {
+                near.weights.extend((0..n_k).map(|k| random(5, near.links.len() * n_k + k) as i8));
+                near.links.push((random(6, near.links.len()) % n_nodes) as u8);
+            }
+            receiver += 1;
+        }
+    }
+    near.tiles.push(NearTile {
+        first_receiver: n_receivers as u32,
+        first_node: near.nodes.len() as u32,
+        first_link: near.links.len() as u32,
+        scale: 0.0,
+    });
+    arrays.near = Some(near);
+    arrays
+}
+
+/// Levels of a light map of arbitrary colors, some of them uncovered.
+pub fn light_map(size: u32) -> Vec<CoverageMap> {
+    let mut levels: Vec<CoverageMap> = level_sizes(size).into_iter().map(CoverageMap::uncovered).collect();
+    for (i, texel) in levels[0].texels_mut().iter_mut().enumerate() {
+        if counter_hash(78, 0, i as u64) % 4 > 0 {
+            *texel = Vec3::from([0, 1, 2].map(|band| counter_uniform(79, band, i as u64) as f32)).extend(1.0);
+        }
+    }
+    lightmap_mips(&mut levels);
+    levels
 }
 
 /// The furnace with a volume of 2 x 2 x 2 cells, a metre apart: cells 1 to 6 get the mean radiance of both probes and, in

@@ -1,6 +1,7 @@
 //! Charts: faces joined by edges that are joined in uv.
 
 use super::{Atlas, LIGHTMAP_SET};
+use crate::rays::FacePoint;
 use glam::{Vec2, Vec3};
 use localprt_scenes::Scene;
 use std::collections::HashMap;
@@ -62,6 +63,12 @@ impl Atlas {
 }
 
 impl Atlas {
+    /// Coordinate of a surface point.
+    pub fn at(&self, point: &FacePoint) -> Vec2 {
+        let [a, b, c] = self.corners[point.face.0 as usize];
+        a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z
+    }
+
     /// `[n_faces]` whether the face's chart has an area in the map, and so texels; the face itself may be one point of it.
     pub fn faces_with_texels(&self) -> Vec<bool> {
         let mut has_area = vec![false; self.n_charts as usize];

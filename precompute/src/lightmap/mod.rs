@@ -4,6 +4,7 @@
 //! coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
 //! size with them; [`receivers`] turns covered texels into receivers.
 
+mod chart_pyramid;
 mod charts;
 pub mod cut;
 mod gutters;
@@ -17,6 +18,8 @@ mod test_scenes;
 mod tests;
 pub mod texels;
 pub mod unwrap;
+
+pub use chart_pyramid::{ChartPyramid, as_stored};
 
 use glam::{Vec2, Vec3};
 use localprt_scenes::FaceId;

@@ -3,8 +3,9 @@
 use super::{
     Domain, RayCounts, TransportScene,
     fit::{COMMON, Surface},
+    near::{NearHit, Node},
 };
-use crate::rays::{OccluderHint, SurfaceHit, frame};
+use crate::rays::{FacePoint, OccluderHint, SurfaceHit, frame};
 use glam::Vec3;
 use localprt_formats::{
     sh::{self, Directions, LANES},
@@ -21,11 +22,38 @@ pub(super) struct Workspace {
     pub outputs: Vec<OutputSums>,
     /// What the fit needs, where rows are fitted.
     pub found: Found,
+    /// What it reads from the light map.
+    pub links: Links,
+    near: Vec<NearHit>,
+    rays: Vec<Ray>,
     weights: Vec<f32>,
     visible: Vec<(u32, Vec3)>,
     hints: Vec<OccluderHint>,
     batches: Vec<Batch>,
     sky: Batch,
+}
+
+/// Nodes of the light map that a receiver reads beside its probes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Links {
+    /// Rising.
+    pub nodes: Vec<Node>,
+    /// `[n_links][n_k]`.
+    pub weights: Vec<f32>,
+}
+
+/// A ray that met a surface.
+#[derive(Clone, Copy)]
+struct Ray {
+    dir: Vec3,
+    hit: SurfaceHit,
+    point: FacePoint,
+    /// Share of its light that it brings, where emitters are sampled too.
+    brings: f32,
+    /// Share of its light that is read from the light map.
+    linked: f32,
+    /// It was sent to a point of what emits.
+    to_emitter: bool,
 }
 
 /// What the rays of a receiver found, for the fit.
@@ -163,62 +191,26 @@ pub(super) fn receiver_rows(
     workspace.hints.resize(support.len(), OccluderHint::default());
     workspace.found.clear(support.len(), n_k);
     let mut surfaces = 0.0;
-    let mut unseen = 0.0f64;
     let mut rays = RayCounts::default();
+    // What the rays meet.
+    workspace.rays.clear();
     for local in gather.directions() {
         let dir = tangent * local.x + bitangent * local.y + axis * local.z;
         // In the open there is no horizon.
         if gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
             continue;
         }
-        gather.weights(dir, &receiver_basis, &mut workspace.weights);
         rays.gather += 1;
         let Some(hit) = caster.closest_hit(origin, dir) else {
+            gather.weights(dir, &receiver_basis, &mut workspace.weights);
             workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
             continue;
         };
         // The back of a one-sided surface is black.
         let Some(point) = hit.point else { continue };
-        let share = gather.cosine_share(dir.dot(normal).max(0.0));
-        surfaces += share;
-        // V_i: the probe sees that side of that point.
-        let seen_point = hit.position + hit.normal * caster.offset_m();
-        workspace.visible.clear();
-        let mut sum = 0.0;
-        for (slot, &(probe, weight)) in probes.iter().enumerate() {
-            let way = probe - hit.position;
-            if weight <= 0.0 || way.dot(hit.normal) <= caster.offset_m() {
-                continue;
-            }
-            rays.visibility += 1;
-            if caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot]) {
-                sum += weight;
-                workspace.visible.push((slot as u32, -way.normalize()));
-            }
-        }
-        let is_seen = sum > LEAST_WEIGHT;
-        if let Some(fit) = scene.fit {
-            let surface = fit.surface(caster, &point);
-            if is_seen {
-                let share = fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal)));
-                workspace.found.add(&hit, surface, &workspace.weights, share);
-            } else if !surface.glows {
-                // What lamps emit has nothing to do with the light around.
-                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
-            }
-        }
-        if !is_seen {
-            unseen += f64::from(share);
-            continue;
-        }
-        for &(slot, psi) in &workspace.visible {
-            let slot = slot as usize;
-            workspace.found.seen_weights[slot] += share;
-            // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
-            workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
-        }
+        let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal))));
+        workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: false });
     }
-
     if let Some(fit) = scene.fit {
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
         for &sample in fit.emitter_samples() {
@@ -228,22 +220,56 @@ pub(super) fn receiver_rows(
                 continue;
             }
             rays.gather += 1;
-            let Some((hit, share)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
+            let Some((hit, brings)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
-            let seen_point = hit.position + hit.normal * caster.offset_m();
-            let is_seen = probes.iter().enumerate().any(|(slot, &(probe, weight))| {
-                if weight <= 0.0 || (probe - hit.position).dot(hit.normal) <= caster.offset_m() {
-                    return false;
-                }
-                rays.visibility += 1;
-                caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot])
-            });
-            if is_seen {
-                gather.weights(dir, &receiver_basis, &mut workspace.weights);
-                workspace.found.add(&hit, fit.surface(caster, &point), &workspace.weights, share);
-            }
+            workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: true });
         }
     }
+    let mut look = LookUp { scene, normal, receiver_basis: &receiver_basis, probes: &probes, unseen: 0.0, rays };
+
+    // What is near is read from the light map, and so is what no probe sees; the probes have the rest.
+    let mut all = std::mem::take(&mut workspace.rays);
+    workspace.near.clear();
+    for (index, ray) in all.iter_mut().enumerate() {
+        surfaces += if ray.to_emitter { 0.0 } else { look.share(ray) };
+        let Some(near) = scene.near else {
+            look.up(ray, 1.0, workspace, true);
+            continue;
+        };
+        let Some(hit) = near.hit(caster.scene(), &ray.hit, look.share(ray), index as u32) else {
+            look.up(ray, 1.0, workspace, true);
+            continue;
+        };
+        ray.linked = near.share(receiver, ray.hit.t);
+        if ray.linked < 1.0 && !look.up(ray, 1.0 - ray.linked, workspace, false) {
+            ray.linked = 1.0;
+        }
+        if ray.linked > 0.0 {
+            workspace.near.push(hit.times(ray.linked * ray.brings));
+        }
+    }
+    workspace.links.clear();
+    if let Some(near) = scene.near {
+        let mut hits = std::mem::take(&mut workspace.near);
+        near.cut(&mut hits, &mut |node, hits| match node {
+            Some(node) => {
+                let Workspace { links, weights, .. } = workspace;
+                let sums = links.add(node, n_k);
+                for hit in hits {
+                    let ray = &all[hit.ray as usize];
+                    gather.weights(ray.dir, &receiver_basis, weights);
+                    sums.iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += ray.linked * ray.brings * weight);
+                }
+            }
+            None => hits.iter().for_each(|hit| {
+                let ray = &all[hit.ray as usize];
+                look.up(ray, ray.linked, workspace, true);
+            }),
+        });
+        workspace.near = hits;
+    }
+    workspace.rays = all;
+    let LookUp { unseen, rays, .. } = look;
 
     for (weight, &(_, kernel)) in workspace.found.seen_weights.iter_mut().zip(&probes) {
         *weight *= kernel / surfaces.max(f32::MIN_POSITIVE);
@@ -267,6 +293,97 @@ pub(super) fn receiver_rows(
         workspace.sky.read(k, &mut output.sky);
     }
     ReceiverFindings { unseen: unseen.clamp(0.0, 1.0) as f32, rays }
+}
+
+/// How what a ray meets is looked up in the probes.
+struct LookUp<'a> {
+    scene: &'a TransportScene<'a>,
+    normal: Vec3,
+    receiver_basis: &'a sh::Basis,
+    /// Place and weight kernel of each supporting probe.
+    probes: &'a [(Vec3, f32)],
+    /// Cosine-weighted share of directions whose light is lost.
+    unseen: f64,
+    rays: RayCounts,
+}
+
+impl LookUp<'_> {
+    /// Share of the cosine-weighted hemisphere that a ray stands for.
+    fn share(&self, ray: &Ray) -> f32 {
+        self.scene.gather.cosine_share(ray.dir.dot(self.normal).max(0.0))
+    }
+
+    /// Adds `part` of a ray to the row by Eq. (4), and to what the fit needs. Returns whether a probe sees what it meets; what
+    /// none sees is lost if `is_last`, and else nothing is done.
+    fn up(&mut self, ray: &Ray, part: f32, workspace: &mut Workspace, is_last: bool) -> bool {
+        let Self { scene, probes, .. } = *self;
+        let caster = scene.caster;
+        let share = part * self.share(ray);
+        let Ray { dir, hit, point, brings, to_emitter, .. } = *ray;
+        // V_i: the probe sees that side of that point.
+        let seen_point = hit.position + hit.normal * caster.offset_m();
+        workspace.visible.clear();
+        let mut sum = 0.0;
+        for (slot, &(probe, weight)) in probes.iter().enumerate() {
+            let way = probe - hit.position;
+            if weight <= 0.0 || way.dot(hit.normal) <= caster.offset_m() {
+                continue;
+            }
+            self.rays.visibility += 1;
+            if caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot]) {
+                sum += weight;
+                if to_emitter {
+                    // One is enough to know that it is seen.
+                    break;
+                }
+                workspace.visible.push((slot as u32, -way.normalize()));
+            }
+        }
+        let is_seen = if to_emitter { sum > 0.0 } else { sum > LEAST_WEIGHT };
+        if !is_seen && !is_last {
+            return false;
+        }
+        scene.gather.weights(dir, self.receiver_basis, &mut workspace.weights);
+        workspace.weights.iter_mut().for_each(|weight| *weight *= part);
+        if let Some(fit) = scene.fit {
+            let surface = fit.surface(caster, &point);
+            if is_seen {
+                workspace.found.add(&hit, surface, &workspace.weights, brings);
+            } else if !surface.glows {
+                // What lamps emit has nothing to do with the light around.
+                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
+            }
+        }
+        if to_emitter {
+            return is_seen;
+        }
+        if !is_seen {
+            self.unseen += f64::from(share);
+            return false;
+        }
+        for &(slot, psi) in &workspace.visible {
+            let slot = slot as usize;
+            workspace.found.seen_weights[slot] += share;
+            // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
+            workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
+        }
+        true
+    }
+}
+
+impl Links {
+    fn clear(&mut self) {
+        self.nodes.clear();
+        self.weights.clear();
+    }
+
+    /// One more node; its weights `[n_k]`, zero.
+    fn add(&mut self, node: Node, n_k: usize) -> &mut [f32] {
+        self.nodes.push(node);
+        let first = self.weights.len();
+        self.weights.resize(first + n_k, 0.0);
+        &mut self.weights[first..]
+    }
 }
 
 impl Batch {

@@ -8,11 +8,14 @@
 pub mod fit;
 mod gather;
 mod kernel;
+mod near;
 #[cfg(test)]
 mod tests;
 
 pub use fit::{FitScene, LeafFit};
 pub use gather::{Domain, GatherSet};
+pub use kernel::Links;
+pub use near::{NearField, Node};
 
 use crate::{
     lightmap::ReceiverSet,
@@ -40,6 +43,8 @@ pub struct TransportScene<'a> {
     pub sky_basis: &'a sh::Basis,
     /// What rows are fitted with; `None` for the paper's rows.
     pub fit: Option<&'a FitScene>,
+    /// What near light is read from; `None` leaves all light to the probes.
+    pub near: Option<&'a NearField>,
 }
 
 /// A leaf of receivers: the columns that their rows share, and what they are fitted with.
@@ -67,6 +72,8 @@ pub struct TransportRows {
     pub variance: Vec<f32>,
     /// How much an error of a column matters; `None` for the paper's rows, where all matter alike.
     pub metric: Option<Metric>,
+    /// `[n_members]` nodes of the light map that each reads; empty without near light.
+    pub links: Vec<Links>,
     /// Rays traced.
     pub rays: RayCounts,
 }
@@ -134,12 +141,16 @@ impl TransportScene<'_> {
         let mut rows = vec![0.0; members.len() * n_k * n_columns];
         let mut unseen = Vec::with_capacity(members.len());
         let mut variance = Vec::new();
+        let mut links = Vec::new();
         let mut rays = RayCounts::default();
         let mut workspace = kernel::Workspace::default();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let receiver = kernel::receiver_rows(self, member as usize, &mut workspace);
             unseen.push(receiver.unseen);
             rays += receiver.rays;
+            if self.near.is_some() {
+                links.push(workspace.links.clone());
+            }
             let support = self.support.of(member as usize);
             if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
                 variance.extend(fit.correct(support, &workspace.found, &mut workspace.outputs));
@@ -153,6 +164,6 @@ impl TransportScene<'_> {
             }
         }
         let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
-        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, rays }
+        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, links, rays }
     }
 }

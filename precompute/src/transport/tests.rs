@@ -91,6 +91,7 @@ impl Setup {
             probe_basis: &probe_basis,
             sky_basis: &sky_basis,
             fit: fit.as_ref(),
+            near: None,
         };
         look(&transport, &members)
     }

@@ -45,6 +45,8 @@ use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
+pub static LINKS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
+pub static LINKED: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
 /// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
 pub const NEAR: f32 = 0.5;
 
@@ -187,8 +189,8 @@ impl<'a> Leg<'a> {
         let arikan = near_light + dot(&far.finish(), &blended);
         let transport = self.subject.transport();
         let uncompressed = self.transported(receiver, &transport, leaf);
-        let paper = if transport.fit.is_some() {
-            self.transported(receiver, &TransportScene { fit: None, ..transport }, leaf)
+        let paper = if transport.fit.is_some() || transport.near.is_some() {
+            self.transported(receiver, &TransportScene { fit: None, near: None, ..transport }, leaf)
         } else {
             uncompressed
         };
@@ -303,7 +305,7 @@ impl<'a> Leg<'a> {
     fn transported(&self, receiver: u32, transport: &TransportScene<'_>, leaf: &TransportLeaf) -> Vec3 {
         let rows = transport.rows(leaf, &[self.subject.place(receiver)]);
         let n_sh = self.basis.len();
-        let outputs: Vec<DVec3> = rows
+        let mut outputs: Vec<DVec3> = rows
             .rows
             .chunks_exact(rows.n_columns)
             .map(|row| {
@@ -315,6 +317,14 @@ impl<'a> Leg<'a> {
                 sum
             })
             .collect();
+        if let Some(links) = rows.links.first() {
+            LINKS.fetch_add(links.nodes.len(), std::sync::atomic::Ordering::Relaxed);
+            LINKED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            for (&node, weights) in links.nodes.iter().zip(links.weights.chunks_exact(outputs.len())) {
+                let light = self.lit.node(node).as_dvec3();
+                outputs.iter_mut().zip(weights).for_each(|(output, &weight)| *output += f64::from(weight) * light);
+            }
+        }
         irradiance(&outputs, self.subject.point(receiver).normal).max(Vec3::ZERO)
     }
 }

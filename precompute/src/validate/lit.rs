@@ -23,6 +23,8 @@ pub struct Lit {
     pub probe_radiance: Vec<Vec3>,
     /// The same with the sky that the probes see, for methods that take all light from the probes.
     pub probe_radiance_with_sky: Vec<Vec3>,
+    /// Levels of the light map of the last gather.
+    pub light_map: Vec<CoverageMap>,
     /// Irradiance map of the gather before the last one; `None` before the first.
     pub previous: Option<CoverageMap>,
     /// Sky as the clusters read it.
@@ -30,6 +32,11 @@ pub struct Lit {
 }
 
 impl Lit {
+    /// Mean radiance of the covered texels of a node of the light map.
+    pub fn node(&self, node: u32) -> Vec3 {
+        self.light_map[(node >> 28) as usize].color((node & 0x0fff_ffff) as usize)
+    }
+
     /// Indirect irradiance that the last gather reads at a lightmap coordinate.
     pub fn previous_irradiance(&self, uv: Vec2) -> Vec3 {
         self.previous.as_ref().and_then(|map| map.sample(uv)).unwrap_or(Vec3::ZERO)
@@ -63,6 +70,7 @@ pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress:
         relit: relighter.relit().clone(),
         probe_radiance: relighter.probe_radiance().to_vec(),
         probe_radiance_with_sky,
+        light_map: relighter.light_map().to_vec(),
         previous,
         sky,
     })

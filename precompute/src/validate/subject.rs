@@ -7,12 +7,12 @@
 use crate::{
     clusters::leaves,
     error::BakeError,
-    lightmap::{Atlas, ReceiverSet, receivers},
+    lightmap::{Atlas, ChartPyramid, ReceiverSet, receivers, texels},
     probes::{self, ProbeSet, Support},
     progress::{Cancelled, Progress},
     rays::RayCaster,
     settings::{BakeSettings, Transport},
-    transport::{FitScene, GatherSet, TransportScene},
+    transport::{FitScene, GatherSet, NearField, TransportScene},
     validate::path_tracer::SurfacePoint,
 };
 use glam::{Vec2, Vec3};
@@ -47,6 +47,7 @@ pub struct Subject<'a> {
     probe_basis: sh::Basis,
     sky_basis: sh::Basis,
     fit: Option<FitScene>,
+    near: Option<NearField>,
     /// Leaves of the bake; members by place in `placed`.
     leaves: Vec<Vec<u32>>,
     /// Leaf of each receiver by place in `placed`.
@@ -93,6 +94,21 @@ impl<'a> Subject<'a> {
             return Err(does_not_fit(&format!("its support radius is {stored_m} m, not {} m", probes.radius_m)));
         }
 
+        let near = {
+            let light_map = Atlas::of_light_map(caster.scene());
+            let has_receiver: Vec<bool> = at_texel.iter().map(|&place| place != u32::MAX).collect();
+            let (direct, _) = texels::cover_visible(
+                caster.scene(),
+                &light_map,
+                metadata.direct_size,
+                &atlas,
+                metadata.lightmap_size,
+                &has_receiver,
+            );
+            Some(NearField::new(light_map, ChartPyramid::of(&direct), &probes, &support))
+                .filter(|_| std::env::var_os("NEAR").is_some())
+        };
+
         for (receiver, &texel) in view.receiver_texel.iter().enumerate() {
             at_texel[texel as usize] = receiver as u32;
         }
@@ -127,6 +143,7 @@ impl<'a> Subject<'a> {
             probes,
             support,
             fit,
+            near,
             leaves,
             leaf_of,
         })
@@ -153,6 +170,7 @@ impl<'a> Subject<'a> {
             probe_basis: &self.probe_basis,
             sky_basis: &self.sky_basis,
             fit: self.fit.as_ref(),
+            near: self.near.as_ref(),
         }
     }
 

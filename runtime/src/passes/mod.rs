@@ -3,7 +3,7 @@
 //! Before the gathers, where shadows are not traced: [`shadow_map`] -> [`direct_irradiance`].
 //!
 //! [`direct_lightmap`] -> [`lightmap_mips`] -> [`probe_relight`] -> [`cluster_projection`] ->
-//! [`receiver_reconstruction`] -> [`gutter_dilation`]; the last one's map is the next gather's feedback.
+//! [`receiver_reconstruction`] -> [`near_light`] -> [`gutter_dilation`]; the last one's map is the next gather's feedback.
 //! After the last gather of a relight [`cluster_projection`], [`receiver_reconstruction`] and [`volume_fill`] light the volume.
 //! [`CpuRelighter`](crate::CpuRelighter) is the one file that knows this order.
 
@@ -12,6 +12,7 @@ pub mod direct_irradiance;
 pub mod direct_lightmap;
 pub mod gutter_dilation;
 pub mod lightmap_mips;
+pub mod near_light;
 pub mod probe_relight;
 pub mod receiver_reconstruction;
 pub mod shadow_map;

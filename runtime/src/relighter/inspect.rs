@@ -95,6 +95,12 @@ impl Relighter {
                     + coefficients,
             ),
             (
+                "near_light",
+                self.near_light.as_ref().map_or(0, |near| {
+                    near.bytes() + near.n_nodes() * light_map_texel + 2 * coefficients
+                }),
+            ),
+            (
                 "gutter_dilation",
                 self.gutter_dilation.bytes() + n_fills * (16 * self.sizes.n_k as u64 + texel(&self.maps.irradiance)),
             ),
@@ -137,6 +143,7 @@ impl Relighter {
             ("texels of receivers and gutters", self.gutter_dilation.bytes()),
             ("probes", self.probes.size()),
         ];
+        memory.extend(self.near_light.as_ref().map(|near| ("near light", near.bytes())));
         memory.extend_from_slice(self.probe_relight.memory());
         memory.extend(self.direct_lightmap.memory());
         memory.extend(self.volume.iter().flat_map(GpuVolume::memory));

@@ -1,0 +1,145 @@
+//! The charts of the direct light map by mip level: no lookup may mix two of them.
+
+use super::{Atlas, TexelMap};
+use crate::rays::FacePoint;
+use glam::Vec2;
+use localprt_formats::quantize::{pack_uv, unpack_uv};
+use localprt_scenes::Scene;
+
+/// A coordinate as a file stores it.
+pub fn as_stored(uv: Vec2) -> Vec2 {
+    unpack_uv(pack_uv(uv.to_array())).into()
+}
+
+/// Which chart the texels of each mip level belong to.
+pub struct ChartPyramid {
+    size: u32,
+    /// `(texels per side, chart of each texel)`, level 0 first.
+    levels: Vec<(u32, Vec<u32>)>,
+}
+
+/// No covered texel below.
+const EMPTY: u32 = u32::MAX;
+/// Texels of several charts below.
+const MIXED: u32 = u32::MAX - 1;
+
+impl ChartPyramid {
+    /// Of the covered texels of the map.
+    pub fn of(map: &TexelMap) -> Self {
+        let mut level = vec![EMPTY; (map.size * map.size) as usize];
+        for texel in &map.texels {
+            level[texel.index as usize] = texel.chart;
+        }
+        let mut levels = vec![(map.size, level)];
+        while let Some((size, below)) = levels.last().filter(|(size, _)| *size > 1) {
+            let half = size.div_ceil(2);
+            let mut level = vec![EMPTY; (half * half) as usize];
+            for y in 0..*size {
+                for x in 0..*size {
+                    let held = &mut level[((y / 2) * half + x / 2) as usize];
+                    *held = match (*held, below[(y * size + x) as usize]) {
+                        (EMPTY, other) | (other, EMPTY) => other,
+                        (a, b) if a == b => a,
+                        _ => MIXED,
+                    };
+                }
+            }
+            levels.push((half, level));
+        }
+        Self { size: map.size, levels }
+    }
+
+    /// Texels per side of the map.
+    pub fn size(&self) -> u32 {
+        self.size
+    }
+
+    /// Mip levels, the map itself counted.
+    pub fn n_levels(&self) -> u32 {
+        self.levels.len() as u32
+    }
+
+    /// Texels per side of a level.
+    pub fn level_size(&self, level: u32) -> u32 {
+        self.levels[level as usize].0
+    }
+
+    /// Whether a texel of a level holds texels of the chart and of no other.
+    pub fn is_of(&self, level: u32, x: u32, y: u32, chart: u32) -> bool {
+        let (size, charts) = &self.levels[level as usize];
+        charts[(y * size + x) as usize] == chart
+    }
+
+    /// The texel at a coordinate, or the nearest within two that holds the chart's texels.
+    pub fn texel_near(&self, uv: Vec2, chart: u32) -> Option<(u32, u32)> {
+        let at = uv * self.size as f32;
+        let last = self.size as i64 - 1;
+        let (cx, cy) = ((at.x.floor() as i64).clamp(0, last), (at.y.floor() as i64).clamp(0, last));
+        if self.is_of(0, cx as u32, cy as u32, chart) {
+            return Some((cx as u32, cy as u32));
+        }
+        let around = |center: i64| (center - 2).max(0)..=(center + 2).min(last);
+        around(cy)
+            .flat_map(|y| around(cx).map(move |x| (x as u32, y as u32)))
+            .filter(|&(x, y)| self.is_of(0, x, y, chart))
+            .min_by(|a, b| {
+                let distance = |&(x, y): &(u32, u32)| Vec2::new(x as f32 + 0.5, y as f32 + 0.5).distance_squared(at);
+                distance(a).total_cmp(&distance(b))
+            })
+    }
+
+    /// Area of a texel of the map at a surface point, m^2; infinite where the face is a point of the map.
+    pub fn texel_m2(&self, scene: &Scene, atlas: &Atlas, point: &FacePoint) -> f32 {
+        let [a, b, c] = atlas.corners[point.face.0 as usize];
+        let corners = scene.corners(point.mesh, point.triangle);
+        let area_m2 = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+        let area_uv = (b - a).perp_dot(c - a).abs();
+        if area_uv > 0.0 { area_m2 / (area_uv * (self.size * self.size) as f32) } else { f32::INFINITY }
+    }
+
+    /// The four texels of a bilinear lookup hold the chart's texels or nothing, and not nothing alone.
+    pub fn is_pure(&self, uv: Vec2, level: u32, chart: u32) -> bool {
+        let (size, charts) = &self.levels[level as usize];
+        // Level sizes round up, so a texel of level l spans 2^l texels of level 0 exactly.
+        let at = uv * self.size as f32 / (1u32 << level) as f32 - 0.5;
+        let base = at.floor();
+        let fraction = at - base;
+        let mut found = false;
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = |step: i64, fraction: f32| if step == 0 { 1.0 - fraction } else { fraction };
+            if weight(dx, fraction.x) * weight(dy, fraction.y) == 0.0 {
+                continue;
+            }
+            let x = (base.x as i64 + dx).clamp(0, i64::from(*size) - 1) as usize;
+            let y = (base.y as i64 + dy).clamp(0, i64::from(*size) - 1) as usize;
+            match charts[y * *size as usize + x] {
+                EMPTY => {}
+                held if held == chart => found = true,
+                _ => return false,
+            }
+        }
+        found
+    }
+
+    /// Center of the nearest texel of a chart within four texels whose lookup is pure, as stored.
+    pub fn nearest(&self, uv: Vec2, chart: u32) -> Option<Vec2> {
+        let (size, charts) = &self.levels[0];
+        let size = i64::from(*size);
+        let at = uv * self.size as f32;
+        let (cx, cy) = (at.x.floor() as i64, at.y.floor() as i64);
+        let mut nearest: Option<(f32, Vec2)> = None;
+        for y in (cy - 4).max(0)..=(cy + 4).min(size - 1) {
+            for x in (cx - 4).max(0)..=(cx + 4).min(size - 1) {
+                if charts[(y * size + x) as usize] == chart {
+                    let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    let distance = center.distance_squared(at);
+                    let center = as_stored(center / self.size as f32);
+                    if nearest.is_none_or(|(held, _)| distance < held) && self.is_pure(center, 0, chart) {
+                        nearest = Some((distance, center));
+                    }
+                }
+            }
+        }
+        nearest.map(|(_, center)| center)
+    }
+}
