@@ -7,7 +7,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{minimal, minimal_1_0};
+use common::{minimal, minimal_1_0, minimal_1_1};
 use half::f16;
 use localprt_formats::{Baked, BakedView, LEVEL_SKY, check, to_bytes, write};
 
@@ -16,7 +16,11 @@ fn golden_1_0() -> PathBuf {
 }
 
 fn golden_1_1() -> PathBuf {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_1.lprt");
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_1.lprt")
+}
+
+fn golden_1_2() -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_2.lprt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         write(&path, &minimal()).unwrap();
     }
@@ -39,10 +43,31 @@ fn the_file_of_version_1_1_opens_to_known_values() {
     let path = golden_1_1();
     assert_eq!(check(&path).unwrap(), []);
     let baked = Baked::open(&path).unwrap();
-    let view = baked.view();
     assert_eq!(baked.version(), (1, 1));
     assert_eq!(baked.sections().len(), 25);
-    assert_known_values(&view);
+    assert_values_of_1_1(&baked.view());
+    assert!(baked.view().near.is_none());
+}
+
+#[test]
+fn the_file_of_version_1_2_opens_to_known_values() {
+    let path = golden_1_2();
+    assert_eq!(check(&path).unwrap(), []);
+    let baked = Baked::open(&path).unwrap();
+    assert_eq!(baked.version(), (1, 2));
+    assert_eq!(baked.sections().len(), 30);
+    assert_values_of_1_1(&baked.view());
+    let near = baked.view().near.unwrap();
+    let tile = near.tiles[1];
+    assert_eq!((tile.first_receiver, tile.first_node, tile.first_link, tile.scale), (2, 2, 3, 0.25));
+    assert_eq!(near.nodes, [13, 1 << 28 | 5]);
+    assert_eq!(localprt_formats::node_level_and_texel(near.nodes[1]), (1, 5));
+    assert_eq!((near.counts, near.links, near.weights), (&[2, 1, 0][..], &[0, 1, 1][..], &[127, 64, -32][..]));
+}
+
+/// What the files from version 1.1 on hold.
+fn assert_values_of_1_1(view: &BakedView<'_>) {
+    assert_known_values(view);
     assert_eq!(view.ray_distance[..4], [1.5, 0.5, f32::INFINITY, 1.0].map(f16::from_f32));
     assert_eq!(view.ray_distance[11], f16::MAX);
     let volume = view.volume.unwrap();
@@ -58,7 +83,7 @@ fn the_file_of_version_1_1_opens_to_known_values() {
     assert_eq!(volume.fill, [[0, 1], [5, 4]]);
 }
 
-/// What both files hold.
+/// What all files hold.
 fn assert_known_values(view: &BakedView<'_>) {
     assert_eq!(view.metadata.scene_path, "minimal.glb");
     assert_eq!(view.metadata.scene_hash[31], 31);
@@ -81,20 +106,22 @@ fn assert_known_values(view: &BakedView<'_>) {
 }
 
 #[test]
-fn the_file_of_version_1_1_is_written_byte_for_byte() {
-    let stored = std::fs::read(golden_1_1()).unwrap();
+fn the_file_of_version_1_2_is_written_byte_for_byte() {
+    let stored = std::fs::read(golden_1_2()).unwrap();
     assert!(stored.len() < 10_240, "{} bytes", stored.len());
     assert_eq!(stored, to_bytes(&minimal()).unwrap());
 }
 
 /// Without what is new, files differ by the minor version alone.
 #[test]
-fn the_file_of_version_1_0_would_be_written_alike() {
-    let mut written = to_bytes(&minimal_1_0()).unwrap();
-    assert_eq!(written[10], 1);
-    written[10] = 0;
-    common::seal(&mut written);
-    assert_eq!(std::fs::read(golden_1_0()).unwrap(), written);
+fn files_of_earlier_versions_would_be_written_alike() {
+    for (arrays, golden, minor) in [(minimal_1_0(), golden_1_0(), 0), (minimal_1_1(), golden_1_1(), 1)] {
+        let mut written = to_bytes(&arrays).unwrap();
+        assert_eq!(written[10], 2);
+        written[10] = minor;
+        common::seal(&mut written);
+        assert_eq!(std::fs::read(golden).unwrap(), written);
+    }
 }
 
 /// Rows of the SH table must be what `sh.rs` says: the golden file holds its values as literals.
@@ -116,7 +143,7 @@ fn the_stored_sh_table_matches_the_basis() {
 #[test]
 fn an_independent_reader_agrees() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_lprt.py");
-    let output = match Command::new("python3").arg(&script).arg(golden_1_1()).output() {
+    let output = match Command::new("python3").arg(&script).arg(golden_1_2()).output() {
         Ok(output) => output,
         Err(error) => {
             eprintln!("skipped an_independent_reader_agrees: python3 does not start: {error}");
@@ -127,7 +154,7 @@ fn an_independent_reader_agrees() {
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let hash: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
     let expected = serde_json::json!({
-        "version": [1, 1],
+        "version": [1, 2],
         "tool_version": "0.1.0",
         "scene_path": "minimal.glb",
         "scene_hash": hash,
@@ -144,6 +171,7 @@ fn an_independent_reader_agrees() {
         "reconstruction": 4,
         "ray_distances": 12,
         "volume": {"origin": [-0.5, 0.25, 0.0], "spacing": 0.5, "dims": [3, 2, 1], "degree": 1, "receivers": 2, "filled": 2},
+        "near": {"tiles": 2, "nodes": 2, "links": 3},
         "gutters": 2,
         "seams": 1,
         "report": true,
@@ -158,10 +186,13 @@ fn an_independent_reader_agrees() {
     let probe_1 = [6.0 * y0, 0.0, 0.0, 0.0];
     let sky_0 = (4.0 * std::f64::consts::PI).sqrt();
     let light = 0.5 * probe_0[0] - 0.125 * probe_0[3] + 0.5 * probe_1[0] + sky_0;
+    let weight = |code: f64| 0.5 * (code / 127.0) * (code / 127.0).abs();
+    let near = [weight(127.0) + weight(64.0), weight(-32.0), 0.0];
     for (receiver, factor) in [1.0, 0.75, -0.5f64].into_iter().enumerate() {
         let irradiance = found["irradiance"][receiver].as_f64().unwrap();
+        let expected = (factor * light + near[receiver]).max(0.0);
         // The table's f32 rounding, summed over a few terms of size 4.
-        assert!((irradiance - (factor * light).max(0.0)).abs() < 1e-5, "{receiver}: {irradiance}");
+        assert!((irradiance - expected).abs() < 1e-5, "{receiver}: {irradiance} instead of {expected}");
     }
     // Probe 1 sees radiance 1 from everywhere, without any direction.
     let light = 0.25 * probe_1[0] + sky_0;

@@ -5,7 +5,9 @@ mod common;
 use common::{entry, minimal, n_sections, payload, seal, seal_all, u64_at};
 use localprt_formats::directions::counter_hash;
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
-use localprt_formats::{Baked, BakedArrays, ClusterRecord, OpenError, VolumeArrays, WriteError, check_bytes, to_bytes};
+use localprt_formats::{
+    Baked, BakedArrays, ClusterRecord, NearArrays, NearTile, OpenError, VolumeArrays, WriteError, check_bytes, to_bytes,
+};
 
 fn sound() -> Vec<u8> {
     to_bytes(&minimal()).unwrap()
@@ -557,6 +559,75 @@ fn a_volume_is_whole_or_absent() {
     put(&mut file, fill + 10, &[8, 0]);
     seal_all(&mut file);
     assert_eq!(refused(file), 70);
+}
+
+#[test]
+fn near_light_rules_refuse() {
+    let near = |change: &dyn Fn(&mut NearArrays)| invariant(|arrays| change(arrays.near.as_mut().unwrap()));
+    assert_eq!(near(&|near| near.tiles.clear()), 80);
+    assert_eq!(near(&|near| near.counts.truncate(2)), 81);
+    assert_eq!(near(&|near| near.tiles.truncate(2)), 81);
+    assert_eq!(near(&|near| near.tiles[0].first_link = 1), 81);
+    assert_eq!(near(&|near| near.nodes.push(0)), 81);
+    assert_eq!(near(&|near| near.links.push(0)), 81);
+    // A tile without receivers, one that goes back, and nodes that go back.
+    assert_eq!(near(&|near| near.tiles[1].first_receiver = 3), 82);
+    assert_eq!(near(&|near| near.tiles[1].first_receiver = 4), 82);
+    assert_eq!(near(&|near| near.tiles[1].first_node = 3), 82);
+    let more = |near: &mut NearArrays, nodes: u32| {
+        near.nodes.resize(2 + nodes as usize, 0);
+        near.tiles[2].first_node += nodes;
+    };
+    assert_eq!(near(&|near| more(near, 257)), 82);
+    assert_eq!(near(&|near| near.counts[0] = 1), 83);
+    assert_eq!(near(&|near| near.tiles[1].first_link = 2), 83);
+    for scale in [-1.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(near(&|near| near.tiles[0].scale = scale), 84);
+    }
+    // Level 4 of a map of 8 texels, and texels beyond their level.
+    for node in [4 << 28, 64, 1 << 28 | 16, u32::MAX] {
+        assert_eq!(near(&|near| near.nodes[0] = node), 85);
+    }
+    assert_eq!(near(&|near| near.links[0] = 2), 86);
+    assert_eq!(near(&|near| near.weights.truncate(2)), 86);
+    assert_eq!(refused_payload(b"NTIL", 16, &9u32.to_le_bytes()), 82);
+    assert_eq!(refused_payload(b"NTIL", 12, &f32::NAN.to_le_bytes()), 84);
+    assert_eq!(refused_payload(b"NNOD", 0, &u32::MAX.to_le_bytes()), 85);
+    assert_eq!(refused_payload(b"NCNT", 0, &[9]), 83);
+    assert_eq!(refused_payload(b"NIDX", 1, &[255]), 86);
+    // More receivers than a tile may have.
+    let mut arrays = common::arrays(&common::Sizes {
+        seed: 1,
+        n_probes: 1,
+        n_rays: 1,
+        cluster_receivers: vec![65],
+        probe_degree: 0,
+        receiver_degree: 0,
+        sky_degree: 0,
+        report: false,
+    });
+    let end = NearTile { first_receiver: 65, ..NearTile::default() };
+    arrays.near =
+        Some(NearArrays { tiles: vec![NearTile::default(), end], counts: vec![0; 65], ..NearArrays::default() });
+    assert!(matches!(to_bytes(&arrays), Err(WriteError::Invalid(violation)) if violation.rule == 82));
+}
+
+#[test]
+fn near_light_is_whole_or_absent_and_never_skipped() {
+    for kind in [b"NTIL", b"NNOD", b"NCNT", b"NIDX", b"NWGT"] {
+        let change = |at: usize, bytes: &[u8]| {
+            let mut file = sound();
+            let at = entry(&file, kind) + at;
+            put(&mut file, at, bytes);
+            seal_all(&mut file);
+            refused(file)
+        };
+        // Another name, flagged optional, is a missing section; a reader that does not know it, or its version, refuses.
+        assert_eq!(change(0, &[b'N', b'E', b'W', b'1', 1, 0, 0, 0]), 80);
+        assert_eq!(change(0, b"NEW1"), 18);
+        assert_eq!(change(4, &[2]), 19);
+        assert_eq!(change(6, &[0]), 20);
+    }
 }
 
 #[test]

@@ -9,13 +9,15 @@ import struct
 import sys
 
 SCALARS = {1: "B", 2: "H", 3: "I", 4: "e", 5: "f"}
-KINDS = {  # kind: (scalar, components, required)
+KINDS = {  # kind: (scalar, components, flag)
     "META": (1, 1, 1), "PROB": (5, 4, 1), "RDIR": (5, 4, 1), "RASH": (5, 1, 1), "RAUV": (3, 1, 1), "RALV": (1, 1, 1),
     "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "CLUS": (3, 10, 1), "CPRB": (3, 1, 1),
     "PROJ": (4, 1, 1), "RECO": (4, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "REPT": (1, 1, 0),
     "RADS": (4, 1, 0), "VOLU": (3, 8, 0), "VCEL": (3, 1, 0), "VCLU": (3, 10, 0), "VCPR": (3, 1, 0), "VPRJ": (4, 1, 0),
     "VREC": (4, 1, 0), "VFIL": (3, 2, 0),
+    "NTIL": (3, 4, 1), "NNOD": (3, 1, 1), "NCNT": (1, 1, 1), "NIDX": (1, 1, 1), "NWGT": (1, 1, 1),
 }
+NEAR = ["NTIL", "NNOD", "NCNT", "NIDX", "NWGT"]
 CRC_TABLE = []
 for byte in range(256):
     for _ in range(8):
@@ -71,7 +73,7 @@ def read_sections(data):
             require(18, flags == 0)
             sections[kind] = None
     require(16, end == length)
-    require(21, all(kind in sections for kind, (_, _, required) in KINDS.items() if required))
+    require(21, all(kind in sections for kind, (_, _, flag) in KINDS.items() if flag and kind not in NEAR))
     return minor, sections
 
 
@@ -111,6 +113,37 @@ def read_volume(sections):
     require(73, words[7] in (1, 2))
     return {"origin": [x, y, z], "spacing": spacing, "dims": words[4:7], "degree": words[7],
             "receivers": len(sections["VCEL"]), "filled": len(sections["VFIL"]) // 2}
+
+
+def near_uniform(meta, sections, outputs, n_k):
+    """Adds near light from a light map of radiance 1; returns what there is, None without any."""
+    require(80, sum(kind in sections for kind in NEAR) in (0, len(NEAR)))
+    if "NTIL" not in sections:
+        return None
+    words, nodes, counts, links, weights = (sections[kind] for kind in NEAR)
+    require(80, len(words) >= 4)
+    tiles = [words[4 * i:4 * i + 4] for i in range(len(words) // 4)]
+    require(81, len(counts) * n_k == len(outputs) and tiles[0][:3] == (0, 0, 0))
+    require(81, tiles[-1][:3] == (len(counts), len(nodes), len(links)))
+    require(86, len(weights) == n_k * len(links))
+    for node in nodes:
+        level, size = node >> 28, meta["direct_size"] >> (node >> 28)
+        require(85, 2 ** level <= meta["direct_size"] and node % 2 ** 28 < size * size)
+    for tile, following in zip(tiles, tiles[1:]):
+        require(82, 1 <= following[0] - tile[0] <= 64 and 0 <= following[1] - tile[1] <= 256)
+        scale = struct.unpack("<f", struct.pack("<I", tile[3]))[0]
+        require(84, 0 <= scale < math.inf)
+        link = tile[2]
+        for receiver in range(tile[0], following[0]):
+            for _ in range(counts[receiver]):
+                require(86, links[link] < following[1] - tile[1])
+                for k in range(n_k):
+                    code = weights[link * n_k + k]
+                    root = (code - 256 if code > 127 else code) / 127
+                    outputs[receiver * n_k + k] += scale * root * abs(root)
+                link += 1
+        require(83, link == following[2])
+    return {"tiles": len(tiles) - 1, "nodes": len(nodes), "links": len(links)}
 
 
 def volume_uniform(meta, sections, volume):
@@ -155,9 +188,10 @@ def main():
     require(49, all(math.copysign(1, distance) > 0 and not math.isnan(distance) for distance in distances))
     clusters = sections["CLUS"]
     n_k = (meta["receiver_degree"] + 1) ** 2
-    irradiance = None
+    irradiance = near = None
     if n_k == 1:
         outputs = relight_uniform(meta, sections, ("CLUS", "CPRB", "PROJ", "RECO"), n_k)
+        near = near_uniform(meta, sections, outputs, n_k)
         irradiance = [max(value, 0.0) for value in outputs]
     volume = read_volume(sections)
     print(json.dumps({
@@ -167,7 +201,7 @@ def main():
         "projection": len(sections["PROJ"]), "reconstruction": len(sections["RECO"]),
         "ray_distances": len(sections.get("RADS") or ()), "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
         "report": bool(sections.get("REPT")), "irradiance": irradiance,
-        "volume": volume, "volume_radiance": volume and volume_uniform(meta, sections, volume),
+        "near": near, "volume": volume, "volume_radiance": volume and volume_uniform(meta, sections, volume),
     }))
 
 

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Sizes, arrays, minimal};
-use localprt_formats::{Baked, BakedArrays, BakedView, VolumeArrays, WriteError, check, check_bytes, to_bytes, write};
+use localprt_formats::{Baked, BakedArrays, BakedView, NearArrays, VolumeArrays, WriteError, check, check_bytes, to_bytes, write};
 use proptest::prelude::*;
 
 fn owned(view: &BakedView<'_>) -> BakedArrays {
@@ -33,6 +33,13 @@ fn owned(view: &BakedView<'_>) -> BakedArrays {
             projection: volume.projection.to_vec(),
             reconstruction: volume.reconstruction.to_vec(),
             fill: volume.fill.to_vec(),
+        }),
+        near: view.near.map(|near| NearArrays {
+            tiles: near.tiles.to_vec(),
+            nodes: near.nodes.to_vec(),
+            counts: near.counts.to_vec(),
+            links: near.links.to_vec(),
+            weights: near.weights.to_vec(),
         }),
         report: view.report.to_owned(),
     }
@@ -85,7 +92,7 @@ fn a_file_on_disk_opens_mapped_and_copied_alike() {
     assert_eq!(owned(&mapped.view()), minimal());
     assert_eq!(owned(&copied.view()), minimal());
     assert_eq!(mapped.content_hash(), copied.content_hash());
-    assert_eq!(mapped.version(), (1, 1));
+    assert_eq!(mapped.version(), (1, 2));
     assert_eq!(check(&path).unwrap(), []);
 }
 

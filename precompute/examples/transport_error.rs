@@ -1,5 +1,5 @@
-//! Errors of the transport rows of a baked file before compression, the paper's and, where it has them, fitted ones, under
-//! any number of lightings: the tables of `docs/fitted-transport.md`.
+//! Errors of the transport rows of a baked file before compression, by the paper, fitted without near light and as they are,
+//! and of the file, under any number of lightings: the tables of `docs/fitted-transport.md`.
 //!
 //! Usage: `cargo run --release --example transport_error -- FILE.lprt RECEIVERS BOUNCES [LIGHTS.json ..]`, `-` for the scene's
 //! own lights. With `REFERENCES=folder` the path-traced references are kept there and found again, for any file that was
@@ -14,7 +14,7 @@ use localprt_precompute::{
     progress::Progress,
     validate::{
         Subject, last_leg, lit,
-        metrics::{MethodError, luminance, mean},
+        metrics::{MethodError, luminance, mean, nrmse_without_worst},
         path_tracer::{PathBudget, PathTracer},
         selection::Pairs,
     },
@@ -100,37 +100,20 @@ fn report(
     let paper: Vec<Vec3> = legs.iter().map(|leg| leg.paper).collect();
     let rows: Vec<Vec3> = legs.iter().map(|leg| leg.uncompressed).collect();
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let of = |values: &[Vec3]| MethodError::of(values, &reference).ok_or("no light reaches any receiver");
+    let without_links: Vec<Vec3> = legs.iter().map(|leg| leg.without_links).collect();
     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
-    let (links, linked) = (last_leg::LINKS.load(std::sync::atomic::Ordering::Relaxed), last_leg::LINKED.load(std::sync::atomic::Ordering::Relaxed));
-    println!("links {:.2}", links as f64 / linked.max(1) as f64);
-    let n99 = |values: &[Vec3]| {
-        let mut squared: Vec<f64> = values.iter().zip(&reference).map(|(a, b)| f64::from((*a - *b).length_squared())).collect();
-        squared.sort_unstable_by(f64::total_cmp);
-        let kept = squared.len() - squared.len().div_ceil(100);
-        let of_reference: f64 = reference.iter().map(|r| f64::from(r.length())).sum::<f64>() / reference.len() as f64;
-        (squared[..kept].iter().sum::<f64>() / kept as f64).sqrt() / of_reference
-    };
-    println!("  99: paper {:.3} rows {:.3} file {:.3}", n99(&paper), n99(&rows), n99(&compressed));
-    let (a, b, c) = (of(&paper)?, of(&rows)?, of(&compressed)?);
-    println!(
-        "{name}: nrmse {:.4} -> {:.4} ({:.2}), median {:.4} -> {:.4}, 95 % {:.3} -> {:.3}, 99 % {:.2} -> {:.2}, bias {:+.1} -> \
-         {:+.1} %, compressed {:.4}, median {:.4}, 95 % {:.3}",
-        a.nrmse,
-        b.nrmse,
-        b.nrmse / a.nrmse,
-        a.median_relative,
-        b.median_relative,
-        a.p95_relative,
-        b.p95_relative,
-        a.p99_relative,
-        b.p99_relative,
-        100.0 * a.bias,
-        100.0 * b.bias,
-        c.nrmse,
-        c.median_relative,
-        c.p95_relative,
-    );
+    for (way, values) in [("paper", &paper), ("without links", &without_links), ("rows", &rows), ("file", &compressed)] {
+        let of = MethodError::of(values, &reference).ok_or("no light reaches any receiver")?;
+        println!(
+            "{name}, {way}: nrmse {:.4}, without the worst 1 % {:.4}, median {:.4}, 95 % {:.3}, 99 % {:.2}, bias {:+.1} %",
+            of.nrmse,
+            nrmse_without_worst(values, &reference, 0.01),
+            of.median_relative,
+            of.p95_relative,
+            of.p99_relative,
+            100.0 * of.bias,
+        );
+    }
     let worst: usize = std::env::var("WORST").ok().and_then(|count| count.parse().ok()).unwrap_or(0);
     let mean = mean(&reference) as f32;
     let error = |values: &[Vec3], index: usize| (values[index] - reference[index]).length() / mean;

@@ -4,6 +4,7 @@ mod assemble;
 mod facts;
 mod failures;
 mod lay_out;
+mod near_tiles;
 
 use crate::{
     budget::{self, Spent},
@@ -14,9 +15,9 @@ use crate::{
     progress::Progress,
     rays::RayCaster,
     relight_rays,
-    report::{BakeReport, Bytes, RelightFacts, VolumeFacts, peak_rss_bytes},
+    report::{BakeReport, Bytes, LinkFacts, RelightFacts, VolumeFacts, peak_rss_bytes},
     settings::{BakeSettings, Transport},
-    transport::{FitScene, GatherSet, RayCounts, TransportScene},
+    transport::{FitScene, GatherSet, Links, NearField, RayCounts, TransportScene},
     volume::{self, VolumeCells},
     voxels::{self, VoxelGrid},
 };
@@ -25,6 +26,7 @@ use facts::{atlas_facts, fill_results, placement_facts, scene_facts};
 use failures::{placement_error, tree_error};
 use glam::Vec3;
 use lay_out::{LaidOut, Space, lay_out};
+use near_tiles::near_tiles;
 use localprt_formats::{BakedArrays, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
@@ -106,7 +108,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     drop(grid);
     progress.check()?;
     let probe_basis = sh::Basis::new(settings.probe_degree);
-    let (rays, direct_texels) = {
+    let (rays, direct_texels, light_map) = {
         let _stage = progress.stage("relight rays", 0);
         let mut has_receiver = vec![false; layout.size as usize * layout.size as usize];
         for &texel in &receivers.texel {
@@ -115,9 +117,10 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         let light_map = Atlas::of_light_map(&scene);
         let (direct, _) =
             texels::cover_visible(&scene, &light_map, settings.direct_map, &atlas, layout.size, &has_receiver);
+        let charts = ChartPyramid::of(&direct);
         let rays =
-            relight_rays::trace(&caster, &light_map, &ChartPyramid::of(&direct), &probes.positions, settings.relight_rays, &probe_basis);
-        (rays, direct.texels.len())
+            relight_rays::trace(&caster, &light_map, &charts, &probes.positions, settings.relight_rays, &probe_basis);
+        (rays, direct.texels.len(), (light_map, charts))
     };
     progress.check()?;
 
@@ -143,20 +146,26 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         fit: fit.as_ref(),
         near: None,
     };
+    let near = settings.near_bytes_in_force().map(|bytes| {
+        let _stage = progress.stage("near light", 0);
+        let (atlas, charts) = light_map;
+        NearField::new(atlas, charts, &probes, &support).within(bytes, &transport)
+    });
+    let transport = TransportScene { near: near.as_ref(), ..transport };
     let refining = RefineSettings {
         threshold: f64::from(settings.threshold),
         max_coefficients: settings.coefficients as usize,
         n_sh: probe_basis.len(),
         n_sky: sky_basis.len(),
     };
-    let (clusters, mut traced) =
+    let (clusters, links, mut traced) =
         local_transport(&transport, &refining, settings.leaf, "transport and clusters", progress)?;
     let volume = match &volume {
         Some(cells) => {
             let gather = GatherSet::sphere(settings.gather_rays, settings.volume_degree, settings.seed);
             let (volume, rays) = volume_transport(
                 cells,
-                &TransportScene { gather: &gather, ..transport },
+                &TransportScene { gather: &gather, near: None, ..transport },
                 &refining,
                 settings,
                 progress,
@@ -194,7 +203,13 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     };
     report.budget = spent.facts(settings.receivers);
     budget::warnings(&report.budget.views).iter().for_each(|warning| progress.warn(warning));
+    let stored_members: Vec<u32> = clusters.iter().flat_map(|cluster| cluster.members.iter().copied()).collect();
     let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, clusters)?;
+    if near.is_some() {
+        let stored = stored_members.iter().map(|&member| &links[member as usize]).collect::<Vec<_>>();
+        arrays.near = Some(near_tiles(&stored, gather.n_outputs()));
+    }
+    report.links = arrays.view().near.map_or_else(LinkFacts::default, |near| LinkFacts::of(&near));
     arrays.volume = volume;
     report.volume = arrays.view().volume.map(|volume| VolumeFacts::of(&volume));
     report.bytes = Bytes {
@@ -205,6 +220,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
             + 4 * arrays.ray_uv.len()
             + arrays.ray_level.len()
             + 2 * arrays.ray_distance.len()) as u64,
+        near_light: arrays.view().near.map_or(0, |near| near.bytes()),
         file: 0,
     };
     drop(_stage);
@@ -225,30 +241,37 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
 }
 
-/// Clusters of all receivers in leaf order, and the rays they cost. The rows of a leaf are made, compressed and dropped.
+/// Clusters of all receivers in leaf order, the links of each receiver if there is near light, and the rays they cost. The rows of a leaf are made, compressed and dropped.
 fn local_transport(
     transport: &TransportScene<'_>,
     refining: &RefineSettings,
     leaf: u32,
     stage: &str,
     progress: &Progress,
-) -> Result<(Vec<Cluster>, RayCounts), BakeError> {
+) -> Result<(Vec<Cluster>, Vec<Links>, RayCounts), BakeError> {
     let positions = &transport.receivers.position;
     let stage = progress.stage(stage, positions.len() as u64);
-    let results: Vec<(Vec<Cluster>, RayCounts)> = leaves(positions, leaf as usize)
+    let leaves = leaves(positions, leaf as usize);
+    let results: Vec<(Vec<Cluster>, Vec<Links>, RayCounts)> = leaves
         .par_iter()
         .map(|members| {
             progress.check()?;
-            let rows = transport.rows(&transport.leaf(members), members);
-            let rays = rows.rays;
+            let mut rows = transport.rows(&transport.leaf(members), members);
+            let (rays, links) = (rows.rays, std::mem::take(&mut rows.links));
             let clusters = refine(members, positions, rows, refining);
             stage.inc(members.len() as u64);
-            Ok((clusters, rays))
+            Ok((clusters, links, rays))
         })
         .collect::<Result<_, BakeError>>()?;
     let mut traced = RayCounts::default();
-    results.iter().for_each(|(_, rays)| traced += *rays);
-    Ok((results.into_iter().flat_map(|(clusters, _)| clusters).collect(), traced))
+    let mut clusters = Vec::new();
+    let mut links = vec![Links::default(); if transport.near.is_some() { positions.len() } else { 0 }];
+    for (members, (of_leaf, of_members, rays)) in leaves.iter().zip(results) {
+        clusters.extend(of_leaf);
+        members.iter().zip(of_members).for_each(|(&member, of_member)| links[member as usize] = of_member);
+        traced += rays;
+    }
+    Ok((clusters, links, traced))
 }
 
 /// Grid of the volume that the settings ask for.
@@ -291,7 +314,7 @@ fn volume_transport(
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
     // grows with their product.
     let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
-    let (clusters, rays) = local_transport(&transport, refining, leaf, "volume transport", progress)?;
+    let (clusters, _, rays) = local_transport(&transport, refining, leaf, "volume transport", progress)?;
     let packed = Packed::of(clusters, "the matrices of the volume", "a larger --volume spacing")?;
     let volume = VolumeArrays {
         grid: cells.grid,

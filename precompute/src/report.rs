@@ -51,6 +51,8 @@ pub struct BakeReport {
     pub atlas: AtlasFacts,
     /// How the probes were placed.
     pub placement: PlacementFacts,
+    /// Places of the light map that receivers read beside their probes.
+    pub links: LinkFacts,
     /// Receiver pairs on both sides of a chart seam.
     pub seams: u64,
     /// Closest-hit rays of the receivers.
@@ -132,6 +134,26 @@ pub struct Compression {
     pub max_error: f64,
 }
 
+/// Places of the light map that a receiver reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LinkFacts {
+    /// Over all receivers.
+    pub mean: f64,
+    /// Most.
+    pub max: u32,
+}
+
+impl LinkFacts {
+    /// Of a file's near light.
+    pub fn of(near: &localprt_formats::NearView<'_>) -> Self {
+        Self {
+            mean: near.links.len() as f64 / near.counts.len().max(1) as f64,
+            max: near.counts.iter().copied().max().unwrap_or(0).into(),
+        }
+    }
+}
+
 /// Sizes in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -140,6 +162,8 @@ pub struct Bytes {
     pub projection: u64,
     /// `U` of all clusters.
     pub reconstruction: u64,
+    /// Near light: tiles, nodes, links and weights.
+    pub near_light: u64,
     /// Relight rays: directions, basis, lookups, distances.
     pub relight: u64,
     /// The whole file.

@@ -66,6 +66,9 @@ pub struct BakeSettings {
     pub relight_rays: u32,
     /// How transport rows are made.
     pub transport: Transport,
+    /// Bytes a receiver for what it reads from the light map itself, on average; 0 leaves all light to the probes. Paper rows
+    /// read none.
+    pub near_bytes: u32,
     /// Spacing in metres of a volume for objects that move, over the scene box; absent: no volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<f32>,
@@ -143,6 +146,7 @@ impl Default for BakeSettings {
             gather_rays: 1024,
             relight_rays: 8000,
             transport: Transport::Fitted,
+            near_bytes: 32,
             volume: None,
             volume_degree: 1,
             leaf: 1024,
@@ -152,5 +156,12 @@ impl Default for BakeSettings {
             seed: 0,
             max_unseen: None,
         }
+    }
+}
+
+impl BakeSettings {
+    /// Bytes of near light a receiver; `None` where it is off.
+    pub fn near_bytes_in_force(&self) -> Option<f32> {
+        (self.near_bytes > 0 && self.transport == Transport::Fitted).then_some(self.near_bytes as f32)
     }
 }

@@ -59,7 +59,8 @@ fn a_slowly_moving_light_does_not_flicker() {
 }
 
 fn does_not_flicker(transport: Transport) {
-    let settings = BakeSettings { transport, ..small_settings() };
+    // Of the probes alone; near light is looked at below.
+    let settings = BakeSettings { transport, near_bytes: 0, ..small_settings() };
     let mut baked = bake(scene("cornell"), &settings);
     let (change, flicker) = roughness(&baked);
     eprintln!(
@@ -72,9 +73,14 @@ fn does_not_flicker(transport: Transport) {
     eprintln!("without mip levels: {without_mips:.5}");
     assert!(flicker < without_mips, "mip levels smooth: {flicker}, without {without_mips}");
     // What is left are shadow edges that jump from texel to texel of a light map of 128: a finer one has smaller jumps.
-    let finer = bake(scene("cornell"), &BakeSettings { direct_map: 512, relight_rays: 8000, ..settings });
+    let finer = bake(scene("cornell"), &BakeSettings { direct_map: 512, relight_rays: 8000, ..settings.clone() });
     let (_, of_finer) = roughness(&finer);
     eprintln!("with 512 texels and 8000 rays: {of_finer:.5}");
     assert!(of_finer < 0.6 * flicker, "512 texels: {of_finer}, 128: {flicker}");
     assert!(of_finer < 2e-3, "{of_finer}");
+    // Near light reads texels of the map too, and not coarser ones than probes do.
+    let near = bake(scene("cornell"), &BakeSettings { near_bytes: 32, direct_map: 512, relight_rays: 8000, ..settings });
+    let (_, with_near) = roughness(&near);
+    eprintln!("the same with near light: {with_near:.5}");
+    assert!(with_near <= of_finer, "near light: {with_near}, without {of_finer}");
 }

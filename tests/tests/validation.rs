@@ -1,6 +1,6 @@
 //! The validator on scenes with known answers.
 
-use localprt_formats::sh;
+use localprt_formats::{BakedArrays, sh};
 use localprt_precompute::{
     pipeline::BakeOutput,
     progress::Progress,
@@ -82,7 +82,8 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
     let settings = BakeSettings { transport: Transport::Fitted, ..small_settings() };
     let found = findings(&bake(scene("cornell"), &settings), &few(), &[]);
     let state = &found.states[0];
-    let [compressed, uncompressed, paper, spatial, arikan] = state.methods;
+    let [compressed, uncompressed, without_links, paper, spatial, arikan] = state.methods;
+    assert!(uncompressed.nrmse < 0.9 * without_links.nrmse, "{uncompressed:?} {without_links:?}");
     // An order, with room for a bake of 16 probes and 300 receivers: full bakes are asked for 0.45.
     assert!(compressed.nrmse < 0.6 * spatial.nrmse, "{compressed:?} {spatial:?}");
     assert!(compressed.nrmse < arikan.nrmse, "{compressed:?} {arikan:?}");
@@ -99,12 +100,15 @@ fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
     let shares = worst.unseen + worst.band_limit + worst.gather_rays + worst.input + worst.compression;
     assert!((shares - 1.0).abs() < 1e-9 && worst.receivers >= 3, "{worst:?}");
     assert_eq!(state.steps.clusters.pairs, 50);
-    assert!(found.norm_figures().rank_correlation.expect("varied") > 0.0);
     // Fitted rows beat the paper's, and the fit predicts where it is wrong.
     assert!(uncompressed.nrmse < 0.5 * paper.nrmse, "{uncompressed:?} {paper:?}");
-    let predicted = found.predicted_figures().expect("fitted");
+    // Of rows without near light: the prediction knows nothing of what the light map resolves.
+    let rows = findings(&bake(scene("cornell"), &BakeSettings { near_bytes: 0, ..settings.clone() }), &few(), &[]);
+    assert_eq!(rows.states[0].methods[1].nrmse, rows.states[0].methods[2].nrmse, "no links, no difference");
+    assert!(rows.norm_figures().rank_correlation.expect("varied") > 0.0);
+    let predicted = rows.predicted_figures().expect("fitted");
     // Ranks that have nothing to do with each other correlate by 1 / sqrt(n - 1), one standard deviation.
-    let by_chance = 1.0 / (found.sample.len() as f64 - 1.0).sqrt();
+    let by_chance = 1.0 / (rows.sample.len() as f64 - 1.0).sqrt();
     assert!(predicted.rank_correlation.expect("varied") > 4.0 * by_chance, "{predicted:?}");
     assert!(predicted.error_where_high > 2.0 * predicted.error_elsewhere, "{predicted:?}");
 }
@@ -162,7 +166,7 @@ fn a_sealed_room_shows_no_leak() {
 #[test]
 fn the_operator_norm_of_a_blind_receiver_is_that_of_the_cosine() {
     // One probe, so one of the two rooms has none.
-    let settings = BakeSettings { probes: Some(1), lightmap: Some(64), ..small_settings() };
+    let settings = BakeSettings { probes: Some(1), lightmap: Some(64), near_bytes: 0, ..small_settings() };
     let baked = bake(scene("two-rooms"), &settings);
     let found = findings(&baked, &few(), &[]);
     // Norm of the clamped cosine up to degree 9: A_l^2 (2l + 1) / 4 pi for l = 0, 1, 2, 4, 6, 8, a little below that of the
@@ -186,6 +190,11 @@ fn the_operator_norm_of_a_blind_receiver_is_that_of_the_cosine() {
         }
     }
     assert!(blind > 50, "{blind}");
+    // What no probe sees is read from the light map, as far as there are bytes for it.
+    let near = bake(scene("two-rooms"), &BakeSettings { near_bytes: 100, ..settings });
+    let mean = |arrays: &BakedArrays| arrays.receiver_unseen.iter().sum::<f32>() / arrays.receiver_unseen.len() as f32;
+    let (without, with) = (mean(&baked.arrays), mean(&near.arrays));
+    assert!(with < 0.2 * without, "{with} instead of {without}");
 }
 
 #[test]

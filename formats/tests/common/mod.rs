@@ -4,11 +4,18 @@
 use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform};
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
-use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, Probe, VolumeArrays, VolumeGrid};
+use localprt_formats::{
+    BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid,
+};
 
 /// What version 1.0 could hold of [`minimal`].
 pub fn minimal_1_0() -> BakedArrays {
-    BakedArrays { ray_distance: Vec::new(), volume: None, ..minimal() }
+    BakedArrays { ray_distance: Vec::new(), volume: None, ..minimal_1_1() }
+}
+
+/// What version 1.1 could hold of [`minimal`].
+pub fn minimal_1_1() -> BakedArrays {
+    BakedArrays { near: None, ..minimal() }
 }
 
 /// Two probes, three receivers, one cluster, six rays, degree 1. All numbers are literals, so that every machine makes
@@ -82,8 +89,19 @@ pub fn minimal() -> BakedArrays {
             reconstruction: f16s(&[1.0, 0.0, 0.5, 0.0, 0.75, -0.25, 0.0, 0.0]),
             fill: vec![[0, 1], [5, 4]],
         }),
+        near: Some(NearArrays {
+            tiles: vec![tile(0, 0, 0, 0.5), tile(2, 2, 3, 0.25), tile(3, 2, 3, 0.0)],
+            nodes: vec![13, 1 << 28 | 5],
+            counts: vec![2, 1, 0],
+            links: vec![0, 1, 1],
+            weights: vec![127, 64, -32],
+        }),
         report: r#"{"receivers":3}"#.into(),
     }
+}
+
+fn tile(first_receiver: u32, first_node: u32, first_link: u32, scale: f32) -> NearTile {
+    NearTile { first_receiver, first_node, first_link, scale }
 }
 
 /// Sizes of generated arrays.
@@ -164,7 +182,30 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
         let fill = if n_receivers > 0 { vec![[0, 1], [2, 1]] } else { Vec::new() };
         out.volume = Some(VolumeArrays { grid, cells, clusters, cluster_probes, projection, reconstruction, fill });
     }
+    // Every third has near light: a tile for every receiver, some nodes in each, links to all of them.
+    if seed.is_multiple_of(3) {
+        out.near = Some(near(seed, &out.metadata, n_receivers));
+    }
     out
+}
+
+fn near(seed: u64, metadata: &Metadata, n_receivers: u32) -> NearArrays {
+    let mut near = NearArrays::default();
+    let n_k = metadata.n_k();
+    for receiver in 0..=n_receivers {
+        near.tiles.push(tile(receiver, near.nodes.len() as u32, near.links.len() as u32, 0.75));
+        let count = if receiver < n_receivers { counter_hash(seed, 20, receiver.into()) as u8 % 5 } else { 0 };
+        for link in 0..count {
+            let level = counter_hash(seed, 21, near.nodes.len() as u64) as u32 % (metadata.direct_size.ilog2() + 1);
+            let texels = (metadata.direct_size >> level).pow(2);
+            near.nodes.push(level << 28 | counter_hash(seed, 22, near.nodes.len() as u64) as u32 % texels);
+            near.links.push(link);
+            let first = near.weights.len();
+            near.weights.extend((first..first + n_k).map(|i| counter_hash(seed, 23, i as u64) as i8));
+        }
+        near.counts.extend((receiver < n_receivers).then_some(count));
+    }
+    near
 }
 
 /// Clusters of `sizes.cluster_receivers`, with their probes and matrices.

@@ -93,6 +93,10 @@ pub struct BakeFlags {
     #[arg(long, value_enum, help_heading = "Receivers")]
     #[serde(skip_serializing_if = "Option::is_none")]
     transport: Option<TransportName>,
+    /// Bytes a receiver, on average, for near light that it reads from the light map itself; 0: none
+    #[arg(long, value_name = "BYTES", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    near_bytes: Option<u32>,
     /// Who makes lightmap coordinates where the scene has no usable TEXCOORD_1
     #[arg(long, value_enum, help_heading = "Receivers")]
     #[serde(skip_serializing_if = "Option::is_none")]

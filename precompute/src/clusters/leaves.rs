@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// Splits the receivers at the median of the longest axis until every leaf holds fewer than `limit`. Leaves in tree order,
-/// members in splitting order; ties go by index.
+/// members along a Morton curve over the leaf's box, so that those that follow each other are neighbors; ties go by index.
 pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
     let mut finished = Vec::new();
     let mut open = vec![(0..positions.len() as u32).collect::<Vec<u32>>()];
@@ -11,15 +11,16 @@ pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
         if members.is_empty() {
             continue;
         }
-        if members.len() < limit.max(2) {
-            finished.push(members);
-            continue;
-        }
         let (low, high) = members.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &member| {
             let position = positions[member as usize];
             (low.min(position), high.max(position))
         });
         let size = high - low;
+        if members.len() < limit.max(2) {
+            members.sort_by_cached_key(|&member| (morton((positions[member as usize] - low) / size.max_element()), member));
+            finished.push(members);
+            continue;
+        }
         let axis = if size.x >= size.y && size.x >= size.z {
             0
         } else if size.y >= size.z {
@@ -36,6 +37,15 @@ pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
         open.push(members);
     }
     finished
+}
+
+/// Place of a point of the unit cube on a Morton curve; of no point, the first.
+fn morton(place: Vec3) -> u32 {
+    let spread = |value: f32| {
+        let cell = (value * 1023.0) as u32;
+        (0..10).fold(0, |bits, bit| bits | (cell >> bit & 1) << (3 * bit))
+    };
+    spread(place.x) | spread(place.y) << 1 | spread(place.z) << 2
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use crate::cli;
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::report::{Unseen, VolumeFacts, hex};
+use localprt_precompute::report::{LinkFacts, Unseen, VolumeFacts, hex};
 use localprt_precompute::settings::BakeSettings;
 use serde::Serialize;
 use serde_json::Value;
@@ -52,6 +52,7 @@ struct Facts {
     coefficients_per_receiver: f64,
     probes_per_cluster: f64,
     unseen: Unseen,
+    links: LinkFacts,
     bytes: Bytes,
     #[serde(skip_serializing_if = "Option::is_none")]
     volume: Option<Volume>,
@@ -79,6 +80,7 @@ struct SceneFacts {
 struct Bytes {
     projection: usize,
     reconstruction: usize,
+    near_light: u64,
     relight: usize,
     file: u64,
 }
@@ -147,9 +149,11 @@ impl Facts {
             coefficients_per_receiver: coefficients as f64 / receivers.max(1) as f64,
             probes_per_cluster: view.cluster_probes.len() as f64 / view.clusters.len().max(1) as f64,
             unseen: Unseen::of(view.receiver_unseen),
+            links: view.near.map_or_else(LinkFacts::default, |near| LinkFacts::of(&near)),
             bytes: Bytes {
                 projection: size_of_val(view.projection),
                 reconstruction: size_of_val(view.reconstruction),
+                near_light: view.near.map_or(0, |near| near.bytes()),
                 relight: size_of_val(view.ray_dirs)
                     + size_of_val(view.ray_sh)
                     + size_of_val(view.ray_uv)
@@ -220,12 +224,14 @@ impl Facts {
                 percent(self.unseen.max)
             ),
         );
+        line("near light", format!("{:.1} links per receiver, at most {}", self.links.mean, self.links.max));
         line(
             "sizes",
             format!(
-                "projection {}, reconstruction {}, relight rays {}",
+                "projection {}, reconstruction {}, near light {}, relight rays {}",
                 bytes(self.bytes.projection),
                 bytes(self.bytes.reconstruction),
+                size(self.bytes.near_light),
                 bytes(self.bytes.relight)
             ),
         );

@@ -109,7 +109,7 @@ impl Job<'_> {
         pages::write(self.output, &context)?;
         drop(stage);
         for (state, figures) in findings.states.iter().zip(&metrics.states) {
-            let [ours, _, paper, spatial, arikan] = state.methods;
+            let [ours, _, _, paper, spatial, arikan] = state.methods;
             progress.note(&format!(
                 "{}: nrmse {:.4} (paper {:.4}, spatial {:.4}, arikan {:.4}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
                 figures.name,

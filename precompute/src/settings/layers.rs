@@ -10,7 +10,7 @@ pub const FLAG_LAYER: &str = "command line";
 pub const FILL_IS_GONE: &str = "`fill` is gone: give the number of receivers with `receivers`; the map's size follows";
 
 /// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 28] = [
+const KEYS: [&str; 29] = [
     "spacing",
     "probes",
     "voxel",
@@ -31,6 +31,7 @@ const KEYS: [&str; 28] = [
     "gather_rays",
     "relight_rays",
     "transport",
+    "near_bytes",
     "volume",
     "volume_degree",
     "leaf",

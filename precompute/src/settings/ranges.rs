@@ -50,6 +50,7 @@ impl BakeSettings {
         }
         whole("gather_rays", self.gather_rays.into(), 1, 1 << 20)?;
         whole("relight_rays", self.relight_rays.into(), 1, 1 << 20)?;
+        whole("near_bytes", self.near_bytes.into(), 0, 1000)?;
         positive("volume", self.volume, length)?;
         whole("volume_degree", self.volume_degree.into(), 1, 2)?;
         whole("leaf", self.leaf.into(), 2, 8192)?;

@@ -36,10 +36,12 @@ pub(super) struct Workspace {
 /// Nodes of the light map that a receiver reads beside its probes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Links {
-    /// Rising.
+    /// Each once.
     pub nodes: Vec<Node>,
     /// `[n_links][n_k]`.
     pub weights: Vec<f32>,
+    /// `[n_links]` share of all directions.
+    pub shares: Vec<f32>,
 }
 
 /// A ray that met a surface.
@@ -251,21 +253,21 @@ pub(super) fn receiver_rows(
     workspace.links.clear();
     if let Some(near) = scene.near {
         let mut hits = std::mem::take(&mut workspace.near);
-        near.cut(&mut hits, &mut |node, hits| match node {
-            Some(node) => {
-                let Workspace { links, weights, .. } = workspace;
-                let sums = links.add(node, n_k);
-                for hit in hits {
-                    let ray = &all[hit.ray as usize];
-                    gather.weights(ray.dir, &receiver_basis, weights);
-                    sums.iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += ray.linked * ray.brings * weight);
-                }
-            }
-            None => hits.iter().for_each(|hit| {
+        let (nodes, left) = near.cut(&mut hits);
+        for of_node in nodes {
+            let Workspace { links, weights, .. } = workspace;
+            let sums = links.add(of_node.node, of_node.share, n_k);
+            for hit in &hits[of_node.hits] {
                 let ray = &all[hit.ray as usize];
-                look.up(ray, ray.linked, workspace, true);
-            }),
-        });
+                gather.weights(ray.dir, &receiver_basis, weights);
+                sums.iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += ray.linked * ray.brings * weight);
+            }
+        }
+        for hit in left.into_iter().flat_map(|range| &hits[range]) {
+            let ray = &mut all[hit.ray as usize];
+            let left = std::mem::take(&mut ray.linked);
+            look.up(ray, left, workspace, true);
+        }
         workspace.near = hits;
     }
     workspace.rays = all;
@@ -375,14 +377,23 @@ impl Links {
     fn clear(&mut self) {
         self.nodes.clear();
         self.weights.clear();
+        self.shares.clear();
     }
 
     /// One more node; its weights `[n_k]`, zero.
-    fn add(&mut self, node: Node, n_k: usize) -> &mut [f32] {
+    fn add(&mut self, node: Node, share: f32, n_k: usize) -> &mut [f32] {
         self.nodes.push(node);
+        self.shares.push(share);
         let first = self.weights.len();
         self.weights.resize(first + n_k, 0.0);
         &mut self.weights[first..]
+    }
+}
+
+impl Workspace {
+    /// Directions of the gather rays of the receiver worked on last whose light it reads from the light map, and the share of it.
+    pub fn linked(&self) -> impl Iterator<Item = (Vec3, f32)> + '_ {
+        self.rays.iter().filter(|ray| !ray.to_emitter && ray.linked > 0.0).map(|ray| (ray.dir, ray.linked))
     }
 }
 

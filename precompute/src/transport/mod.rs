@@ -131,6 +131,15 @@ impl TransportScene<'_> {
         TransportLeaf { probes, fit }
     }
 
+    /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.
+    pub fn linked(&self, receiver: u32) -> Vec<(Vec3, f32)> {
+        let mut workspace = kernel::Workspace::default();
+        if self.near.is_some() {
+            kernel::receiver_rows(self, receiver as usize, &mut workspace);
+        }
+        workspace.linked().collect()
+    }
+
     /// Transport rows of the receivers `members` of a leaf, some or all of them, in that order. A pure function of its
     /// arguments; the rows of a receiver do not depend on the other members asked for.
     pub fn rows(&self, leaf: &TransportLeaf, members: &[u32]) -> TransportRows {

@@ -15,21 +15,32 @@
 //! The nodes are a cut through the quadtree of the light map: the coarsest that hold texels of one chart alone and are no
 //! larger than a share of their distance. A receiver reads nothing but what its own rays meet: sealed rooms stay sealed.
 
+use super::{TransportScene, kernel};
 use crate::{
     lightmap::{Atlas, ChartPyramid},
     probes::{ProbeSet, Support, point_grid::PointGrid},
     rays::SurfaceHit,
 };
+use localprt_formats::{NEAR_NODES, NEAR_TILE, NearTile};
 use localprt_scenes::Scene;
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// Edge of a node over its distance, at most, but for texels of the map itself.
-const ANGLE: f32 = 0.5;
-/// Reach over the distance from the probes around to the nearest others.
-const REACH: f32 = 0.33;
-/// Least share of all directions for which a node is read.
-const LEAST: f32 = 0.001;
+const ANGLE: f32 = 0.7;
+/// R over the distance from the probes around to the nearest others.
+const REACH: f32 = 0.5;
 /// Share of the reach within which a ray's light is read from the map alone.
 const FADE: f32 = 0.75;
+/// Least share of all directions for which a node is read, however many bytes there are.
+const LEAST: f32 = 5e-4;
+/// Most links of a receiver: a file counts them in a byte.
+const MOST: usize = 255;
+/// Receivers that the least share is found on, at most, and one in so many.
+const SAMPLE: usize = 512;
+const SAMPLED_ONE_IN: usize = 50;
+/// Nodes of a tile over its links, as it is in furnished rooms and in level scenes.
+const NODES_PER_LINK: f32 = 0.55;
 
 /// What near light is read from; the same for all leaves of a bake.
 pub struct NearField {
@@ -46,7 +57,7 @@ pub struct NearField {
 /// Address of a texel of a mip level: the level in the upper 4 bits, `y * size + x` below.
 pub type Node = u32;
 
-/// A place that a near ray meets.
+/// A place that a ray meets and whose light may be read from the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NearHit {
     chart: u32,
@@ -55,10 +66,18 @@ pub(super) struct NearHit {
     /// Edge of a texel, metres.
     texel_m: f32,
     distance_m: f32,
-    /// Share of the cosine-weighted hemisphere.
+    /// Share of all directions.
     share: f32,
     /// Which ray.
     pub ray: u32,
+}
+
+/// Some hits, by range, and the node that they are read from.
+pub(super) struct NodeHits {
+    pub node: Node,
+    pub hits: Range<usize>,
+    /// Share of all directions.
+    pub share: f32,
 }
 
 impl NearHit {
@@ -69,19 +88,37 @@ impl NearHit {
 }
 
 impl NearField {
-    /// Of the light map that `atlas` lays out.
+    /// Of the light map that `atlas` lays out and whose charts are `charts`; every node that may be read is.
     pub fn new(atlas: Atlas, charts: ChartPyramid, probes: &ProbeSet, support: &Support) -> Self {
-        let var = |name: &str, default: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
         let spacing = nearest_m(probes);
-        let reach = var("REACH", REACH);
         let reach_m = (0..support.radius_m.len())
             .map(|receiver| {
                 let of = support.of(receiver);
                 let sum: f32 = of.iter().map(|&id| spacing[id as usize]).sum();
-                reach * if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
+                REACH * if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
             })
             .collect();
-        Self { atlas, charts, reach_m, least: var("LEAST", LEAST) }
+        Self { atlas, charts, reach_m, least: LEAST }
+    }
+
+    /// The same with only as many nodes as fit `bytes` a receiver on average: those of most weight. The least weight is found
+    /// on a sample of the receivers of `scene`.
+    pub fn within(self, bytes: f32, scene: &TransportScene<'_>) -> Self {
+        let n_receivers = scene.receivers.len();
+        let count = SAMPLE.min(n_receivers.div_ceil(SAMPLED_ONE_IN));
+        let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
+        let of_receiver = |index: usize| {
+            let mut workspace = kernel::Workspace::default();
+            kernel::receiver_rows(&scene, index * n_receivers / count, &mut workspace);
+            workspace.links.shares
+        };
+        let mut shares: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();
+        shares.sort_unstable_by(|a, b| b.total_cmp(a));
+        let of_link = 1.0 + scene.gather.n_outputs() as f32 + 4.0 * NODES_PER_LINK;
+        let of_receiver = 1.0 + size_of::<NearTile>() as f32 / NEAR_TILE as f32;
+        let links = (bytes - of_receiver).max(0.0) / of_link * count as f32;
+        let least = shares.get(links as usize).map_or(LEAST, |share| share.max(LEAST));
+        Self { least, ..self }
     }
 
     /// φ: which share of the light of a ray of length `t` is read from the map (N3).
@@ -90,7 +127,7 @@ impl NearField {
         s * s * (3.0 - 2.0 * s)
     }
 
-    /// The texel of the light map at a hit; `None` where the hit's chart has none.
+    /// The texel of the light map at a hit whose ray is a `share` of all directions; `None` where the hit's chart has none.
     pub(super) fn hit(&self, scene: &Scene, hit: &SurfaceHit, share: f32, ray: u32) -> Option<NearHit> {
         let point = hit.point?;
         let chart = self.atlas.chart[point.face.0 as usize];
@@ -99,33 +136,50 @@ impl NearField {
         Some(NearHit { chart, place: morton(x, y), texel_m, distance_m: hit.t, share, ray })
     }
 
-    /// Calls `visit(node, its hits)` for the nodes of a receiver, `None` for those of too little weight. Sorts the hits.
-    pub(super) fn cut(&self, hits: &mut [NearHit], visit: &mut dyn FnMut(Option<Node>, &[NearHit])) {
-        hits.sort_unstable_by_key(|hit| (hit.chart, hit.place, hit.ray));
-        let top = self.charts.n_levels() - 1;
-        for of_chart in hits.chunk_by(|a, b| a.chart == b.chart) {
-            self.cut_node(top, of_chart, visit);
-        }
+    /// Whether the light of a surface point can be read from the map at all.
+    pub fn reads(&self, scene: &Scene, hit: &SurfaceHit) -> bool {
+        self.hit(scene, hit, 0.0, 0).is_some()
     }
 
-    fn cut_node(&self, level: u32, hits: &[NearHit], visit: &mut dyn FnMut(Option<Node>, &[NearHit])) {
+    /// The nodes that a receiver reads, and its hits that are left to the probes. Sorts the hits.
+    pub(super) fn cut(&self, hits: &mut [NearHit]) -> (Vec<NodeHits>, Vec<Range<usize>>) {
+        hits.sort_unstable_by_key(|hit| (hit.chart, hit.place, hit.ray));
+        let mut nodes = Vec::new();
+        let top = self.charts.n_levels() - 1;
+        let mut first = 0;
+        for of_chart in hits.chunk_by(|a, b| a.chart == b.chart) {
+            self.cut_node(top, hits, first..first + of_chart.len(), &mut nodes);
+            first += of_chart.len();
+        }
+        let mut shares: Vec<f32> = nodes.iter().map(|node| node.share).collect();
+        shares.sort_unstable_by(|a, b| b.total_cmp(a));
+        let least = self.least.max(shares.get(MOST).map_or(0.0, |share| share.next_up()));
+        let (read, left): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.share >= least);
+        (read, left.into_iter().map(|node| node.hits).collect())
+    }
+
+    fn cut_node(&self, level: u32, all: &[NearHit], range: Range<usize>, nodes: &mut Vec<NodeHits>) {
+        let hits = &all[range.clone()];
         let (x, y) = unmorton(hits[0].place >> (2 * level));
-        let is_leaf = level == 0 || {
-            let sum = |of: fn(&NearHit) -> f32| hits.iter().map(of).sum::<f32>();
-            let edge_m = sum(|hit| hit.texel_m) * (1u32 << level) as f32;
-            edge_m <= angle() * sum(|hit| hit.distance_m) && self.charts.is_of(level, x, y, hits[0].chart)
-        };
-        if is_leaf {
-            let counts = hits.iter().map(|hit| hit.share).sum::<f32>() >= self.least;
-            visit(counts.then(|| level << 28 | (y * self.charts.level_size(level) + x)), hits);
+        let sum = |of: fn(&NearHit) -> f32| hits.iter().map(of).sum::<f32>();
+        let edge_m = sum(|hit| hit.texel_m) * (1u32 << level) as f32;
+        let is_small = edge_m <= ANGLE * sum(|hit| hit.distance_m);
+        if level == 0 || is_small && self.charts.is_of(level, x, y, hits[0].chart) {
+            let node = level << 28 | (y * self.charts.level_size(level) + x);
+            nodes.push(NodeHits { node, share: sum(|hit| hit.share), hits: range });
             return;
         }
         let below = 2 * (level - 1);
+        let mut first = range.start;
         for part in hits.chunk_by(|a, b| a.place >> below == b.place >> below) {
-            self.cut_node(level - 1, part, visit);
+            self.cut_node(level - 1, all, first..first + part.len(), nodes);
+            first += part.len();
         }
     }
 }
+
+/// Most nodes of a tile hold what one receiver reads.
+const _: () = assert!(MOST < NEAR_NODES as usize);
 
 fn morton(x: u32, y: u32) -> u32 {
     (0..14).fold(0, |bits, bit| bits | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
@@ -134,11 +188,6 @@ fn morton(x: u32, y: u32) -> u32 {
 fn unmorton(place: u32) -> (u32, u32) {
     let gather = |shift: u32| (0..14).fold(0, |bits, bit| bits | (place >> (2 * bit + shift) & 1) << bit);
     (gather(0), gather(1))
-}
-
-fn angle() -> f32 {
-    static A: std::sync::OnceLock<f32> = std::sync::OnceLock::new();
-    *A.get_or_init(|| std::env::var("ANGLE").ok().and_then(|v| v.parse().ok()).unwrap_or(ANGLE))
 }
 
 /// Distance from each probe to the nearest other, metres; of a single probe half of its support radius.
@@ -153,4 +202,106 @@ fn nearest_m(probes: &ProbeSet) -> Vec<f32> {
         distances[1]
     };
     probes.positions.iter().map(nearest).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lightmap::{Texel, TexelMap};
+    use glam::Vec3;
+    use localprt_formats::directions::{counter_hash, counter_uniform};
+    use localprt_scenes::FaceId;
+
+    const SIZE: u32 = 64;
+
+    /// A map whose left part is chart 0 and whose right part, beside an empty column, is chart 1.
+    fn field(least: f32) -> NearField {
+        let texel = |index: u32| {
+            let chart = match index % SIZE {
+                0..40 => 0,
+                40 => return None,
+                _ => 1,
+            };
+            let barycentrics = Vec3::X;
+            Some(Texel { index, face: FaceId(chart), mesh: 0, triangle: chart, barycentrics, chart })
+        };
+        let map = TexelMap { size: SIZE, texels: (0..SIZE * SIZE).filter_map(texel).collect() };
+        NearField { atlas: Atlas::default(), charts: ChartPyramid::of(&map), reach_m: vec![2.0], least }
+    }
+
+    fn hits(count: u64, distance_m: impl Fn(u64) -> f32) -> Vec<NearHit> {
+        let hit = |i: u64| {
+            let x = counter_hash(5, 0, i) as u32 % 40;
+            let chart = u32::from(counter_hash(5, 2, i) % 3 == 0);
+            NearHit {
+                chart,
+                place: morton(if chart == 0 { x } else { 41 + x % 23 }, counter_hash(5, 1, i) as u32 % SIZE),
+                texel_m: 0.05,
+                distance_m: distance_m(i),
+                share: 0.5 / count as f32,
+                ray: i as u32,
+            }
+        };
+        (0..count).map(hit).collect()
+    }
+
+    #[test]
+    fn places_on_the_curve_are_texels() {
+        for i in 0..1000 {
+            let (x, y) = (counter_hash(1, 0, i) as u32 % 16384, counter_hash(1, 1, i) as u32 % 16384);
+            assert_eq!(unmorton(morton(x, y)), (x, y));
+        }
+    }
+
+    #[test]
+    fn a_cut_has_every_hit_once_in_the_coarsest_node_that_is_small_and_of_one_chart() {
+        let field = field(0.0);
+        let mut hits = hits(200, |i| 0.05 + 6.0 * counter_uniform(6, 0, i) as f32);
+        let (nodes, left) = field.cut(&mut hits);
+        assert!(left.is_empty() && nodes.len() > 20 && nodes.len() < 200, "{} nodes", nodes.len());
+        let mut found: Vec<u32> = Vec::new();
+        for NodeHits { node, hits: range, share } in &nodes {
+            let (level, texel) = localprt_formats::node_level_and_texel(*node);
+            let of_node = &hits[range.clone()];
+            found.extend(of_node.iter().map(|hit| hit.ray));
+            let size = SIZE >> level;
+            for hit in of_node {
+                let (x, y) = unmorton(hit.place);
+                assert_eq!((y >> level) * size + (x >> level), texel);
+            }
+            assert!((share - of_node.len() as f32 * 0.5 / 200.0).abs() < 1e-6);
+            let (x, y) = (texel % size, texel / size);
+            assert!(field.charts.is_of(level, x, y, of_node[0].chart));
+            let mean = |of: fn(&NearHit) -> f32| of_node.iter().map(of).sum::<f32>() / of_node.len() as f32;
+            let fits = |level: u32, distance_m: f32| 0.05 * (1u32 << level) as f32 <= ANGLE * distance_m;
+            assert!(level == 0 || fits(level, mean(|hit| hit.distance_m)));
+        }
+        found.sort_unstable();
+        assert_eq!(found, (0..200).collect::<Vec<u32>>());
+        // Twice the distance, no more nodes.
+        hits.iter_mut().for_each(|hit| hit.distance_m *= 2.0);
+        assert!(field.cut(&mut hits).0.len() < nodes.len());
+    }
+
+    #[test]
+    fn nodes_of_little_weight_and_those_beyond_a_byte_are_left_to_the_probes() {
+        let mut few = hits(100, |_| 0.05);
+        let (nodes, left) = field(0.0051).cut(&mut few);
+        // Each texel of one hit is a share of 0.005.
+        assert!(nodes.iter().all(|node| node.hits.len() > 1));
+        let counted = nodes.iter().map(|node| node.hits.len()).chain(left.iter().map(Range::len)).sum::<usize>();
+        assert!(counted == 100 && !left.is_empty());
+        let mut many = hits(4000, |_| 0.05);
+        let (nodes, left) = field(0.0).cut(&mut many);
+        assert!(nodes.len() <= MOST && !left.is_empty(), "{} nodes", nodes.len());
+    }
+
+    #[test]
+    fn the_share_read_from_the_map_falls_smoothly_to_nothing_at_the_reach() {
+        let field = field(0.0);
+        assert_eq!((field.share(0, 0.0), field.share(0, 2.0 * FADE), field.share(0, 2.0)), (1.0, 1.0, 0.0));
+        let shares: Vec<f32> = (0..=100).map(|i| field.share(0, 0.03 * i as f32)).collect();
+        // The steepest of a smooth step is 1.5 over its width, 0.03 / (2 (1 - FADE)) at a time.
+        assert!(shares.windows(2).all(|pair| pair[1] <= pair[0] && pair[0] - pair[1] < 0.1), "{shares:?}");
+    }
 }

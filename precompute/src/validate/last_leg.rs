@@ -5,9 +5,9 @@
 //!
 //! ```text
 //! all           E_1 + sum w albedo/pi I(Γ)   path traced first bounce, and the earlier bounces I that the file's light holds
-//! seen          all - sum w L(Γ)             over the dense rays whose surface no supporting probe sees
+//! seen          all - sum w L(Γ)             over the dense rays whose surface no supporting probe sees and no link may read
 //! dense         the transport row of that dense set times the probe radiance (Eq. 7)
-//! uncompressed  the transport row of the bake's own gather rays times the probe radiance
+//! uncompressed  the transport row of the bake's own gather rays times the probe radiance, and its links times the light map
 //! compressed    U S V^T times the probe radiance, from the file in f16
 //!
 //! compressed - reference = (all - reference)            input: earlier bounces; with one bounce there are none
@@ -45,8 +45,6 @@ use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-pub static LINKS: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
-pub static LINKED: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
 /// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
 pub const NEAR: f32 = 0.5;
 
@@ -60,7 +58,7 @@ const LEAST_RAYS: u32 = 1024;
 pub struct TruthLeg {
     /// All light.
     pub all: Vec3,
-    /// All but that from surfaces that no supporting probe sees.
+    /// All but that from surfaces that no supporting probe sees and no link reads.
     pub seen: Vec3,
     /// Transport row of the dense rays times probe radiance.
     pub dense: Vec3,
@@ -69,8 +67,10 @@ pub struct TruthLeg {
 /// Irradiance at one receiver, W m^-2, not negative, by every method. See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LastLeg {
-    /// Transport row times probe radiance.
+    /// Transport row times probe radiance, and links times the light map.
     pub uncompressed: Vec3,
+    /// The row as it would be without near light, times probe radiance: the same as `uncompressed` in a file without links.
+    pub without_links: Vec3,
     /// The paper's row (Eqs. 4, 7) times probe radiance: the same as `uncompressed` in a file whose rows are not fitted.
     pub paper: Vec3,
     /// Eq. (1).
@@ -189,12 +189,13 @@ impl<'a> Leg<'a> {
         let arikan = near_light + dot(&far.finish(), &blended);
         let transport = self.subject.transport();
         let uncompressed = self.transported(receiver, &transport, leaf);
-        let paper = if transport.fit.is_some() || transport.near.is_some() {
-            self.transported(receiver, &TransportScene { fit: None, near: None, ..transport }, leaf)
-        } else {
-            uncompressed
+        let otherwise = |differs: bool, transport: &TransportScene<'_>, same: Vec3| {
+            if differs { self.transported(receiver, transport, leaf) } else { same }
         };
-        LastLeg { uncompressed, paper, spatial: positive(spatial), arikan: positive(arikan), near }
+        let without = TransportScene { near: None, ..transport };
+        let without_links = otherwise(transport.near.is_some(), &without, uncompressed);
+        let paper = otherwise(transport.fit.is_some(), &TransportScene { fit: None, ..without }, without_links);
+        LastLeg { uncompressed, without_links, paper, spatial: positive(spatial), arikan: positive(arikan), near }
     }
 
     fn truth(
@@ -207,11 +208,13 @@ impl<'a> Leg<'a> {
     ) -> TruthLeg {
         let probes = self.probes(receiver);
         let (mut all, mut unseen) = (first_bounce.as_dvec3(), DVec3::ZERO);
+        let near = self.subject.transport().near;
+        let is_linked = |hit: &SurfaceHit| near.is_some_and(|near| near.reads(self.subject.caster.scene(), hit));
         self.for_each_ray(receiver, rays, |_, weight, hit| {
             let Some(hit) = hit else { return };
             let earlier = self.reflected_earlier(hit);
             all += (weight * earlier).as_dvec3();
-            if !self.is_seen(hit, &probes) {
+            if !self.is_seen(hit, &probes) && !is_linked(hit) {
                 unseen += (weight * (self.sent_first(hit) + earlier)).as_dvec3();
             }
         });
@@ -318,8 +321,6 @@ impl<'a> Leg<'a> {
             })
             .collect();
         if let Some(links) = rows.links.first() {
-            LINKS.fetch_add(links.nodes.len(), std::sync::atomic::Ordering::Relaxed);
-            LINKED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             for (&node, weights) in links.nodes.iter().zip(links.weights.chunks_exact(outputs.len())) {
                 let light = self.lit.node(node).as_dvec3();
                 outputs.iter_mut().zip(weights).for_each(|(output, &weight)| *output += f64::from(weight) * light);

@@ -12,8 +12,8 @@
 //! The error e·λ_x has one output, so the L2 operator norm is its largest value over unit vectors λ_x, `|e|`; the RMS over
 //! random unit vectors is `|e| / sqrt(100)`. The paper calls it an average and shows the norm.
 //!
-//! Directions in which the receiver sees sky or black backs are left out of the first term: the sky has exact columns of
-//! its own, and backs send nothing.
+//! Directions in which the receiver sees sky or black backs are left out of the first term, and so are those whose light it
+//! reads from the light map: the sky has exact columns of its own, backs send nothing, and the map is exact but for its texels.
 
 use super::{
     last_leg::{cosine_lobe, each, irradiance_weight},
@@ -144,6 +144,15 @@ fn at(
     if is_enclosed && point.normal == point.geometric_normal {
         // In closed form, without the noise of the rays.
         error = cosine_lobe(field_basis, point.normal).into_iter().map(f64::from).collect();
+    }
+
+    // What is read from the light map is as good as the map.
+    for (dir, share) in transport.linked(subject.place(receiver)) {
+        field_basis.evaluate(dir.to_array(), &mut values);
+        let weight = f64::from(share * irradiance_weight(transport.gather, dir.dot(point.normal)));
+        for (error, &value) in error.iter_mut().zip(&values) {
+            *error -= weight * f64::from(value);
+        }
     }
 
     let rows = transport.rows(leaf, &[subject.place(receiver)]);

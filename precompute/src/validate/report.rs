@@ -140,8 +140,10 @@ pub struct ReferenceFigures {
 pub struct Methods {
     /// What the file gives.
     pub compressed: MethodError,
-    /// Transport rows in full.
+    /// Transport rows in full, with near light.
     pub uncompressed: MethodError,
+    /// Rows that are fitted without near light, in full: what links are to be held against.
+    pub without_links: MethodError,
     /// Eq. (1).
     pub spatial: MethodError,
     /// Irradiance decomposition, idealized.
@@ -156,7 +158,7 @@ impl StateFigures {
         let reference = &state.reference;
         let errors = reference.standard_error.iter().map(|error| error.as_dvec3());
         let paths: u64 = reference.paths.iter().map(|&paths| u64::from(paths)).sum();
-        let [compressed, uncompressed, paper, spatial, arikan] = state.methods;
+        let [compressed, uncompressed, without_links, paper, spatial, arikan] = state.methods;
         Self {
             name: state.state.name.clone(),
             mean_irradiance: state.mean,
@@ -165,7 +167,7 @@ impl StateFigures {
                 standard_error: rms(errors) / state.mean,
                 paths: paths as f64 / reference.paths.len().max(1) as f64,
             },
-            methods: Methods { compressed, uncompressed, paper, spatial, arikan },
+            methods: Methods { compressed, uncompressed, without_links, paper, spatial, arikan },
             seams: state.steps,
             leak: state.leak,
             errors: state.parts,

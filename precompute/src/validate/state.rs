@@ -20,7 +20,7 @@ use localprt_scenes::{Camera, Lighting};
 use serde::Serialize;
 
 /// Names of the methods, in the order of [`StateFindings::methods`].
-pub const METHODS: [&str; 5] = ["compressed", "uncompressed", "paper", "spatial", "arikan"];
+pub const METHODS: [&str; 6] = ["compressed", "uncompressed", "without_links", "paper", "spatial", "arikan"];
 
 /// Rows of a picture, at most: a tall camera must not take all memory.
 const MOST_ROWS: u32 = 2048;
@@ -102,9 +102,9 @@ pub struct StateFindings {
     /// From the truth to the transport row at the measured receivers.
     pub truths: Vec<TruthLeg>,
     /// Irradiance maps of [`METHODS`], gutters filled.
-    pub maps: [CoverageMap; 5],
+    pub maps: [CoverageMap; 6],
     /// Errors of [`METHODS`].
-    pub methods: [MethodError; 5],
+    pub methods: [MethodError; 6],
     /// What the error is made of.
     pub parts: ErrorParts,
     /// Reasons of the worst receivers.
@@ -170,12 +170,13 @@ pub fn measure(
     let legs: Vec<LastLeg> = sample.iter().map(|&receiver| all_legs[place(receiver)]).collect();
 
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.paper, leg.spatial, leg.arikan];
+    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.without_links, leg.paper, leg.spatial, leg.arikan];
     let map_of = |method: usize| {
         let values: Vec<Vec3> = all_legs.iter().map(|leg| of_method(leg)[method]).collect();
         irradiance_map(subject, &spread(subject, &needed, &values))
     };
-    let maps = [lit.relit.irradiance_map.clone(), map_of(0), map_of(1), map_of(2), map_of(3)];
+    let ours = lit.relit.irradiance_map.clone();
+    let maps: [CoverageMap; METHODS.len()] = std::array::from_fn(|method| if method == 0 { ours.clone() } else { map_of(method - 1) });
     let error = |method: usize| {
         let values: Vec<Vec3> = match method {
             0 => compressed.clone(),
@@ -185,7 +186,7 @@ pub fn measure(
         let flip = flips.sum::<f64>() / views.len().max(1) as f64;
         MethodError { flip, ..MethodError::of(&values, &reference.irradiance).unwrap_or_default() }
     };
-    let methods = [0, 1, 2, 3, 4].map(error);
+    let methods = std::array::from_fn(error);
 
     // With one bounce the reference is the first bounce.
     let first_bounce = match settings.bounces {

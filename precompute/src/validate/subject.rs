@@ -94,21 +94,6 @@ impl<'a> Subject<'a> {
             return Err(does_not_fit(&format!("its support radius is {stored_m} m, not {} m", probes.radius_m)));
         }
 
-        let near = {
-            let light_map = Atlas::of_light_map(caster.scene());
-            let has_receiver: Vec<bool> = at_texel.iter().map(|&place| place != u32::MAX).collect();
-            let (direct, _) = texels::cover_visible(
-                caster.scene(),
-                &light_map,
-                metadata.direct_size,
-                &atlas,
-                metadata.lightmap_size,
-                &has_receiver,
-            );
-            Some(NearField::new(light_map, ChartPyramid::of(&direct), &probes, &support))
-                .filter(|_| std::env::var_os("NEAR").is_some())
-        };
-
         for (receiver, &texel) in view.receiver_texel.iter().enumerate() {
             at_texel[texel as usize] = receiver as u32;
         }
@@ -126,7 +111,7 @@ impl<'a> Subject<'a> {
         for (index, members) in leaves.iter().enumerate() {
             members.iter().for_each(|&member| leaf_of[member as usize] = index as u32);
         }
-        Ok(Self {
+        let mut subject = Self {
             gather: GatherSet::new(settings.gather_rays, settings.receiver_degree, settings.seed),
             probe_basis,
             sky_basis: sh::Basis::new(metadata.sky_degree),
@@ -143,10 +128,25 @@ impl<'a> Subject<'a> {
             probes,
             support,
             fit,
-            near,
+            near: None,
             leaves,
             leaf_of,
-        })
+        };
+        subject.near = subject.near_field();
+        Ok(subject)
+    }
+
+    /// What the receivers read near light from; `None` if they read none.
+    fn near_field(&self) -> Option<NearField> {
+        let bytes = self.view.near.and(self.settings.near_bytes_in_force())?;
+        let scene = self.caster.scene();
+        let light_map = Atlas::of_light_map(scene);
+        let has_receiver: Vec<bool> = self.at_texel.iter().map(|&receiver| receiver != u32::MAX).collect();
+        let (direct_size, lightmap_size) = (self.view.metadata.direct_size, self.view.metadata.lightmap_size);
+        let (direct, _) =
+            texels::cover_visible(scene, &light_map, direct_size, &self.atlas, lightmap_size, &has_receiver);
+        let field = NearField::new(light_map, ChartPyramid::of(&direct), &self.probes, &self.support);
+        Some(field.within(bytes, &self.transport()))
     }
 
     /// Number of receivers.

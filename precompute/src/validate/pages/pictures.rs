@@ -90,6 +90,7 @@ fn methods(figures: &StateFigures) -> Block {
     let names = [
         "compressed (the file)",
         "uncompressed rows",
+        "rows fitted without near light, uncompressed",
         "the paper's rows, uncompressed",
         "spatial interpolation (Eq. 1)",
         "irradiance decomposition (after Arikan et al.)",
@@ -106,7 +107,14 @@ fn methods(figures: &StateFigures) -> Block {
             format!("{:.4}", error.flip),
         ]
     };
-    let errors = [&methods.compressed, &methods.uncompressed, &methods.paper, &methods.spatial, &methods.arikan];
+    let errors = [
+        &methods.compressed,
+        &methods.uncompressed,
+        &methods.without_links,
+        &methods.paper,
+        &methods.spatial,
+        &methods.arikan,
+    ];
     Block::Table {
         title: "Errors over receivers against path tracing".into(),
         head: ["method", "nrmse", "median", "95 %", "99 %", "bias", "FLIP"].map(String::from).to_vec(),
@@ -125,10 +133,11 @@ fn methods(figures: &StateFigures) -> Block {
 }
 
 fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) -> Result<Vec<Block>, OutputError> {
-    let labels = ["ours", "uncompressed", "paper", "spatial", "arikan"];
+    let labels = ["ours", "uncompressed", "without_links", "paper", "spatial", "arikan"];
     let captions = [
         "from the file, as a renderer shows it",
         "transport rows before compression",
+        "rows fitted without near light, before compression",
         "the paper's transport rows before compression",
         "probes interpolated by distance (Eq. 1)",
         "probes interpolated, near surfaces exact",

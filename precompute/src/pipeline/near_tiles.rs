@@ -1,0 +1,99 @@
+//! Links of the receivers to the arrays of a file: runs of receivers share their nodes.
+
+use crate::transport::Links;
+use localprt_formats::{NEAR_NODES, NEAR_TILE, NearArrays, NearTile, quantize};
+use std::collections::BTreeMap;
+
+/// Near light as stored; `links` are those of the receivers in stored order, at most 255 of each.
+pub(super) fn near_tiles(links: &[&Links], n_k: usize) -> NearArrays {
+    let mut near = NearArrays::default();
+    let mut first = 0;
+    while first < links.len() {
+        let mut places: BTreeMap<u32, u8> = BTreeMap::new();
+        let mut end = first;
+        while end < links.len() && end - first < NEAR_TILE as usize {
+            let new = links[end].nodes.iter().filter(|node| !places.contains_key(node)).count();
+            if places.len() + new > NEAR_NODES as usize {
+                break;
+            }
+            places.extend(links[end].nodes.iter().map(|&node| (node, 0)));
+            end += 1;
+        }
+        push_tile(&mut near, first, &links[first..end], places, n_k);
+        first = end;
+    }
+    near.tiles.push(start(&near, links.len(), 0.0));
+    near
+}
+
+fn start(near: &NearArrays, first_receiver: usize, scale: f32) -> NearTile {
+    NearTile {
+        first_receiver: first_receiver as u32,
+        first_node: near.nodes.len() as u32,
+        first_link: near.links.len() as u32,
+        scale,
+    }
+}
+
+/// Weights are rounded with what the rounding of those before has left over, so that a receiver's sum stays.
+fn push_tile(near: &mut NearArrays, first: usize, links: &[&Links], mut places: BTreeMap<u32, u8>, n_k: usize) {
+    let scale = links.iter().flat_map(|links| &links.weights).fold(0.0f32, |most, weight| most.max(weight.abs()));
+    near.tiles.push(start(near, first, scale));
+    places.values_mut().enumerate().for_each(|(place, number)| *number = place as u8);
+    near.nodes.extend(places.keys());
+    for links in links {
+        near.counts.push(links.nodes.len() as u8);
+        near.links.extend(links.nodes.iter().map(|node| places[node]));
+        let mut left = vec![0.0; n_k];
+        for weights in links.weights.chunks_exact(n_k) {
+            for (weight, left) in weights.iter().zip(&mut left) {
+                let code = quantize::near_code(weight + *left, scale);
+                *left += weight - quantize::near_weight(code, scale);
+                near.weights.push(code);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Receivers with `count` links each, to nodes that neighbors share.
+    fn some(n_receivers: usize, count: usize, n_k: usize) -> Vec<Links> {
+        let links = |receiver: usize| Links {
+            nodes: (0..count).map(|link| (3 * receiver + 7 * link) as u32).collect(),
+            weights: (0..count * n_k).map(|at| ((receiver + at) as f32).sin() * 0.25).collect(),
+            shares: vec![0.0; count],
+        };
+        (0..n_receivers).map(links).collect()
+    }
+
+    #[test]
+    fn tiles_hold_every_link_of_every_receiver() {
+        for (n_receivers, count, n_k) in [(0, 3, 1), (1, 0, 1), (200, 9, 1), (130, 40, 4), (5, 255, 1)] {
+            let links = some(n_receivers, count, n_k);
+            let near = near_tiles(&links.iter().collect::<Vec<_>>(), n_k);
+            let mut link = 0;
+            for pair in near.tiles.windows(2) {
+                let nodes = &near.nodes[pair[0].first_node as usize..pair[1].first_node as usize];
+                assert!(nodes.len() <= NEAR_NODES as usize);
+                for receiver in pair[0].first_receiver..pair[1].first_receiver {
+                    let expected = &links[receiver as usize];
+                    let of_receiver = link..link + usize::from(near.counts[receiver as usize]);
+                    let found: Vec<u32> = near.links[of_receiver.clone()].iter().map(|&at| nodes[at as usize]).collect();
+                    assert_eq!(found, expected.nodes);
+                    for k in 0..n_k {
+                        let stored = |link: usize| quantize::near_weight(near.weights[link * n_k + k], pair[0].scale);
+                        let sum: f32 = of_receiver.clone().map(stored).sum();
+                        let wanted: f32 = expected.weights.iter().skip(k).step_by(n_k).sum();
+                        // The last weight's rounding is left: half of the widest step, 0.25 (2 / 127) / 2.
+                        assert!((sum - wanted).abs() <= 2.1e-3, "{sum} instead of {wanted}");
+                    }
+                    link = of_receiver.end;
+                }
+            }
+            assert_eq!((link, near.counts.len()), (n_receivers * count, n_receivers));
+        }
+    }
+}
