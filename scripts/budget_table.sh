@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Prints the table of docs/budget.md: errors of what cameras see and of what lies open, with receivers and probes spread evenly and by
-# scale, at as many of them. Against path tracing of the first bounce, by `precompute validate`.
+# scale, at as many of them, without near light. Against path tracing of the first bounce, by `precompute validate`.
 #   SCENE=LIGHTS.json ...   scenes instead of the built-in ones, each with its light; "SCENE=" for its own light
 #   PRESET=preview, RECEIVERS=60000, PROBES=150, POINTS=1024, OUT=target/budget
 set -euo pipefail
@@ -48,7 +48,7 @@ for pair in "$@"; do
     for density in uniform scale; do
         file="$out/$name-$density.lprt"
         "$precompute" bake "$scene" -o "$file" --preset "${PRESET:-preview}" --receivers "${RECEIVERS:-60000}" \
-            --probes "${PROBES:-150}" --density "$density" --report "$out/$name-$density.json" --quiet
+            --probes "${PROBES:-150}" --near-bytes 0 --density "$density" --report "$out/$name-$density.json" --quiet
         "$precompute" validate "$file" ${lights:+--lights "$lights"} --bounces 1 --points "${POINTS:-1024}" \
             --flip-paths 8 --output "$out/$name-$density" --quiet >"$out/$name-$density.txt"
         row "$name" "$density" "$out/$name-$density" "$out/$name-$density.json"

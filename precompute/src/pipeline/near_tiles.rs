@@ -64,7 +64,7 @@ mod tests {
         let links = |receiver: usize| Links {
             nodes: (0..count).map(|link| (3 * receiver + 7 * link) as u32).collect(),
             weights: (0..count * n_k).map(|at| ((receiver + at) as f32).sin() * 0.25).collect(),
-            shares: vec![0.0; count],
+            gains: vec![0.0; count],
         };
         (0..n_receivers).map(links).collect()
     }

@@ -40,8 +40,8 @@ pub struct Links {
     pub nodes: Vec<Node>,
     /// `[n_links][n_k]`.
     pub weights: Vec<f32>,
-    /// `[n_links]` share of all directions.
-    pub shares: Vec<f32>,
+    /// `[n_links]` how much each is worth.
+    pub gains: Vec<f32>,
 }
 
 /// A ray that met a surface.
@@ -243,11 +243,14 @@ pub(super) fn receiver_rows(
             continue;
         };
         ray.linked = near.share(receiver, ray.hit.t);
+        let mut is_seen = true;
         if ray.linked < 1.0 && !look.up(ray, 1.0 - ray.linked, workspace, false) {
             ray.linked = 1.0;
+            is_seen = false;
         }
         if ray.linked > 0.0 {
-            workspace.near.push(hit.times(ray.linked * ray.brings));
+            let times = near.urgency(receiver, ray.hit.t, is_seen);
+            workspace.near.push(hit.weighted(ray.linked * ray.brings, times));
         }
     }
     workspace.links.clear();
@@ -256,7 +259,7 @@ pub(super) fn receiver_rows(
         let (nodes, left) = near.cut(&mut hits);
         for of_node in nodes {
             let Workspace { links, weights, .. } = workspace;
-            let sums = links.add(of_node.node, of_node.share, n_k);
+            let sums = links.add(of_node.node, of_node.gain, n_k);
             for hit in &hits[of_node.hits] {
                 let ray = &all[hit.ray as usize];
                 gather.weights(ray.dir, &receiver_basis, weights);
@@ -377,13 +380,13 @@ impl Links {
     fn clear(&mut self) {
         self.nodes.clear();
         self.weights.clear();
-        self.shares.clear();
+        self.gains.clear();
     }
 
     /// One more node; its weights `[n_k]`, zero.
-    fn add(&mut self, node: Node, share: f32, n_k: usize) -> &mut [f32] {
+    fn add(&mut self, node: Node, gain: f32, n_k: usize) -> &mut [f32] {
         self.nodes.push(node);
-        self.shares.push(share);
+        self.gains.push(gain);
         let first = self.weights.len();
         self.weights.resize(first + n_k, 0.0);
         &mut self.weights[first..]

@@ -12,7 +12,8 @@
 //! d_k is a texel of a mip level, R the reach, w_r and t_r weight and length of a ray. The share φ of a ray is taken out of the
 //! row's part α, the paper's and the fitted one alike, so that no light counts twice.
 //!
-//! The nodes are a cut through the quadtree of the light map: the coarsest that hold texels of one chart alone and are no
+//! Nodes whose light counts most are read, as many as there are bytes for: by weight, times how near they are, as the probes know
+//! near light least, and most what no probe sees at all. The rest stays with the probes. They are a cut through the quadtree of the light map: the coarsest that hold texels of one chart alone and are no
 //! larger than a share of their distance. A receiver reads nothing but what its own rays meet: sealed rooms stay sealed.
 
 use super::{TransportScene, kernel};
@@ -32,8 +33,12 @@ const ANGLE: f32 = 0.7;
 const REACH: f32 = 0.5;
 /// Share of the reach within which a ray's light is read from the map alone.
 const FADE: f32 = 0.75;
-/// Least share of all directions for which a node is read, however many bytes there are.
-const LEAST: f32 = 5e-4;
+/// How much more the light at no distance counts than that at the reach, which the nearest probes can tell best.
+const NEAREST: f32 = 3.0;
+/// The same of light that no probe sees.
+const UNSEEN: f32 = 4.0;
+/// Least gain for which a node is read, however many bytes there are.
+const LEAST: f32 = 1e-3;
 /// Most links of a receiver: a file counts them in a byte.
 const MOST: usize = 255;
 /// Receivers that the least share is found on, at most, and one in so many.
@@ -50,7 +55,7 @@ pub struct NearField {
     charts: ChartPyramid,
     /// `[n_receivers]` R, metres.
     reach_m: Vec<f32>,
-    /// Nodes of less weight than this, as a share of all directions, are left to the probes.
+    /// Nodes of less gain than this are left to the probes.
     least: f32,
 }
 
@@ -66,8 +71,8 @@ pub(super) struct NearHit {
     /// Edge of a texel, metres.
     texel_m: f32,
     distance_m: f32,
-    /// Share of all directions.
-    share: f32,
+    /// Share of all directions, times how badly the probes know its light.
+    gain: f32,
     /// Which ray.
     pub ray: u32,
 }
@@ -76,14 +81,14 @@ pub(super) struct NearHit {
 pub(super) struct NodeHits {
     pub node: Node,
     pub hits: Range<usize>,
-    /// Share of all directions.
-    pub share: f32,
+    /// Of its hits.
+    pub gain: f32,
 }
 
 impl NearHit {
-    /// The hit, as `part` of its ray.
-    pub(super) fn times(self, part: f32) -> Self {
-        Self { share: part * self.share, ..self }
+    /// The hit, as `part` of its ray, counted `times` over.
+    pub(super) fn weighted(self, part: f32, times: f32) -> Self {
+        Self { gain: part * times * self.gain, ..self }
     }
 }
 
@@ -101,7 +106,7 @@ impl NearField {
         Self { atlas, charts, reach_m, least: LEAST }
     }
 
-    /// The same with only as many nodes as fit `bytes` a receiver on average: those of most weight. The least weight is found
+    /// The same with only as many nodes as fit `bytes` a receiver on average: those of most gain. The least gain is found
     /// on a sample of the receivers of `scene`.
     pub fn within(self, bytes: f32, scene: &TransportScene<'_>) -> Self {
         let n_receivers = scene.receivers.len();
@@ -110,14 +115,14 @@ impl NearField {
         let of_receiver = |index: usize| {
             let mut workspace = kernel::Workspace::default();
             kernel::receiver_rows(&scene, index * n_receivers / count, &mut workspace);
-            workspace.links.shares
+            workspace.links.gains
         };
-        let mut shares: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();
-        shares.sort_unstable_by(|a, b| b.total_cmp(a));
+        let mut gains: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();
+        gains.sort_unstable_by(|a, b| b.total_cmp(a));
         let of_link = 1.0 + scene.gather.n_outputs() as f32 + 4.0 * NODES_PER_LINK;
         let of_receiver = 1.0 + size_of::<NearTile>() as f32 / NEAR_TILE as f32;
         let links = (bytes - of_receiver).max(0.0) / of_link * count as f32;
-        let least = shares.get(links as usize).map_or(LEAST, |share| share.max(LEAST));
+        let least = gains.get(links as usize).map_or(LEAST, |gain| gain.next_up().max(LEAST));
         Self { least, ..self }
     }
 
@@ -127,13 +132,19 @@ impl NearField {
         s * s * (3.0 - 2.0 * s)
     }
 
+    /// How often light counts that a ray of length `t` brings and that a probe sees, or that none does.
+    pub(super) fn urgency(&self, receiver: usize, t: f32, is_seen: bool) -> f32 {
+        let nearness = (1.0 - t / self.reach_m[receiver]).max(0.0);
+        if is_seen { 1.0 + (NEAREST - 1.0) * nearness } else { UNSEEN }
+    }
+
     /// The texel of the light map at a hit whose ray is a `share` of all directions; `None` where the hit's chart has none.
     pub(super) fn hit(&self, scene: &Scene, hit: &SurfaceHit, share: f32, ray: u32) -> Option<NearHit> {
         let point = hit.point?;
         let chart = self.atlas.chart[point.face.0 as usize];
         let (x, y) = self.charts.texel_near(self.atlas.at(&point), chart)?;
         let texel_m = self.charts.texel_m2(scene, &self.atlas, &point).sqrt();
-        Some(NearHit { chart, place: morton(x, y), texel_m, distance_m: hit.t, share, ray })
+        Some(NearHit { chart, place: morton(x, y), texel_m, distance_m: hit.t, gain: share, ray })
     }
 
     /// Whether the light of a surface point can be read from the map at all.
@@ -151,10 +162,10 @@ impl NearField {
             self.cut_node(top, hits, first..first + of_chart.len(), &mut nodes);
             first += of_chart.len();
         }
-        let mut shares: Vec<f32> = nodes.iter().map(|node| node.share).collect();
-        shares.sort_unstable_by(|a, b| b.total_cmp(a));
-        let least = self.least.max(shares.get(MOST).map_or(0.0, |share| share.next_up()));
-        let (read, left): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.share >= least);
+        let mut gains: Vec<f32> = nodes.iter().map(|node| node.gain).collect();
+        gains.sort_unstable_by(|a, b| b.total_cmp(a));
+        let least = self.least.max(gains.get(MOST).map_or(0.0, |gain| gain.next_up()));
+        let (read, left): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.gain >= least);
         (read, left.into_iter().map(|node| node.hits).collect())
     }
 
@@ -166,7 +177,7 @@ impl NearField {
         let is_small = edge_m <= ANGLE * sum(|hit| hit.distance_m);
         if level == 0 || is_small && self.charts.is_of(level, x, y, hits[0].chart) {
             let node = level << 28 | (y * self.charts.level_size(level) + x);
-            nodes.push(NodeHits { node, share: sum(|hit| hit.share), hits: range });
+            nodes.push(NodeHits { node, gain: sum(|hit| hit.gain), hits: range });
             return;
         }
         let below = 2 * (level - 1);
@@ -238,7 +249,7 @@ mod tests {
                 place: morton(if chart == 0 { x } else { 41 + x % 23 }, counter_hash(5, 1, i) as u32 % SIZE),
                 texel_m: 0.05,
                 distance_m: distance_m(i),
-                share: 0.5 / count as f32,
+                gain: 0.5 / count as f32,
                 ray: i as u32,
             }
         };
@@ -260,7 +271,7 @@ mod tests {
         let (nodes, left) = field.cut(&mut hits);
         assert!(left.is_empty() && nodes.len() > 20 && nodes.len() < 200, "{} nodes", nodes.len());
         let mut found: Vec<u32> = Vec::new();
-        for NodeHits { node, hits: range, share } in &nodes {
+        for NodeHits { node, hits: range, gain } in &nodes {
             let (level, texel) = localprt_formats::node_level_and_texel(*node);
             let of_node = &hits[range.clone()];
             found.extend(of_node.iter().map(|hit| hit.ray));
@@ -269,7 +280,7 @@ mod tests {
                 let (x, y) = unmorton(hit.place);
                 assert_eq!((y >> level) * size + (x >> level), texel);
             }
-            assert!((share - of_node.len() as f32 * 0.5 / 200.0).abs() < 1e-6);
+            assert!((gain - of_node.len() as f32 * 0.5 / 200.0).abs() < 1e-6);
             let (x, y) = (texel % size, texel / size);
             assert!(field.charts.is_of(level, x, y, of_node[0].chart));
             let mean = |of: fn(&NearHit) -> f32| of_node.iter().map(of).sum::<f32>() / of_node.len() as f32;
@@ -284,10 +295,10 @@ mod tests {
     }
 
     #[test]
-    fn nodes_of_little_weight_and_those_beyond_a_byte_are_left_to_the_probes() {
+    fn nodes_of_little_gain_and_those_beyond_a_byte_are_left_to_the_probes() {
         let mut few = hits(100, |_| 0.05);
         let (nodes, left) = field(0.0051).cut(&mut few);
-        // Each texel of one hit is a share of 0.005.
+        // Each texel of one hit has a gain of 0.005.
         assert!(nodes.iter().all(|node| node.hits.len() > 1));
         let counted = nodes.iter().map(|node| node.hits.len()).chain(left.iter().map(Range::len)).sum::<usize>();
         assert!(counted == 100 && !left.is_empty());
