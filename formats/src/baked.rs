@@ -263,6 +263,24 @@ pub fn node_level_and_texel(node: u32) -> (u32, u32) {
 }
 
 impl NearView<'_> {
+    /// Links of a receiver: node, and weight of output 0. None for a receiver that does not exist; the arrays must be sound.
+    pub fn links_of(&self, receiver: u32) -> Vec<(u32, f32)> {
+        let after = self.tiles.partition_point(|tile| tile.first_receiver <= receiver);
+        let (Some(tile), true) = (after.checked_sub(1).map(|at| self.tiles[at]), (receiver as usize) < self.counts.len())
+        else {
+            return Vec::new();
+        };
+        let before = &self.counts[tile.first_receiver as usize..receiver as usize];
+        let first = tile.first_link as usize + before.iter().map(|count| usize::from(*count)).sum::<usize>();
+        let n_k = self.weights.len() / self.links.len().max(1);
+        (first..first + usize::from(self.counts[receiver as usize]))
+            .map(|link| {
+                let node = self.nodes[tile.first_node as usize + usize::from(self.links[link])];
+                (node, crate::quantize::near_weight(self.weights[link * n_k], tile.scale))
+            })
+            .collect()
+    }
+
     /// Bytes of the arrays.
     pub fn bytes(&self) -> u64 {
         (size_of_val(self.tiles) + size_of_val(self.nodes) + self.counts.len() + self.links.len() + self.weights.len())

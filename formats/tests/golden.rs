@@ -62,6 +62,9 @@ fn the_file_of_version_1_2_opens_to_known_values() {
     assert_eq!((tile.first_receiver, tile.first_node, tile.first_link, tile.scale), (2, 2, 3, 0.25));
     assert_eq!(near.nodes, [13, 1 << 28 | 5]);
     assert_eq!(localprt_formats::node_level_and_texel(near.nodes[1]), (1, 5));
+    let links = [0, 1, 2, 3].map(|receiver| near.links_of(receiver));
+    assert_eq!(links[0], [(13, 0.5), (near.nodes[1], 0.5 * (64.0f32 / 127.0).powi(2))]);
+    assert_eq!((links[1].len(), links[1][0].0, links[2].len(), links[3].len()), (1, near.nodes[1], 0, 0));
     assert_eq!((near.counts, near.links, near.weights), (&[2, 1, 0][..], &[0, 1, 1][..], &[127, 64, -32][..]));
 }
 

@@ -73,7 +73,7 @@ pub use objects::{MovingObject, ObjectShape, moving_casters};
 pub use open_bake::{Files, OpenBake};
 pub use options::{DrawOptions, Specular, View};
 pub use overlay_shapes::{
-    Support, SupportingProbe, light_shape, probe_rays, receiver_lines, support_sphere, supporting_probes,
+    Support, SupportingProbe, light_shape, link_lines, probe_rays, receiver_lines, support_sphere, supporting_probes,
 };
 pub use overlays::{OverlayLine, Overlays, ProbeSpheres, default_probe_radius_m};
 pub use panel::{Figures, History};

@@ -4,7 +4,8 @@
 use crate::overlays::OverlayLine;
 use glam::Vec3;
 use localprt_formats::weight::weight_kernel;
-use localprt_formats::{BakedView, LEVEL_BLACK, LEVEL_SKY, Probe};
+use localprt_formats::{BakedView, LEVEL_BLACK, LEVEL_SKY, Probe, node_level_and_texel};
+use localprt_runtime::SceneTexels;
 use localprt_scenes::{Light, LightKind};
 use std::f32::consts::TAU;
 
@@ -141,6 +142,38 @@ pub fn receiver_lines(baked: &BakedView<'_>, receiver: u32) -> Vec<OverlayLine> 
     let tip = position + normal_m * Vec3::from(normal);
     lines.extend(arrow(position, tip, 0.2 * normal_m).map(|(from, to)| line(from, to, GREEN, 1.0, 3.0)));
     lines
+}
+
+/// Lines from a receiver to the places of the light map that it reads, colored by weight over that of the strongest. Nodes that
+/// no texel of the scene covers have no place.
+pub fn link_lines(baked: &BakedView<'_>, texels: &SceneTexels, receiver: u32) -> Vec<OverlayLine> {
+    let (Some(near), Some(&position)) = (&baked.near, baked.receiver_position.get(receiver as usize)) else {
+        return Vec::new();
+    };
+    let mut links = near.links_of(receiver);
+    links.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let strongest = links.last().map_or(0.0, |link| link.1);
+    let to_node = |&(node, weight): &(u32, f32)| {
+        let share = if strongest > 0.0 { (weight / strongest).max(0.0) } else { 0.0 };
+        let place = place_of(node, texels)?;
+        Some(line(position.into(), place, weight_color(share), 0.5 + 0.5 * share, 1.0 + 2.0 * share))
+    };
+    links.iter().filter_map(to_node).collect()
+}
+
+/// Mean place of the surface that a node of the light map covers.
+fn place_of(node: u32, texels: &SceneTexels) -> Option<Vec3> {
+    let (level, texel) = node_level_and_texel(node);
+    let (size, edge) = (texels.size.div_ceil(1 << level), 1 << level);
+    let (first_x, first_y) = (texel % size * edge, texel / size * edge);
+    let mut places = Vec::new();
+    for y in first_y..(first_y + edge).min(texels.size) {
+        let row = y * texels.size;
+        let from = texels.index.partition_point(|&index| index < row + first_x);
+        let to = texels.index.partition_point(|&index| index < row + (first_x + edge).min(texels.size));
+        places.extend_from_slice(&texels.position[from..to]);
+    }
+    (!places.is_empty()).then(|| places.iter().sum::<Vec3>() / places.len() as f32)
 }
 
 /// Relight rays of a probe, at most so many and evenly spread, to what they meet: white-ish where they read the light map,

@@ -2,7 +2,7 @@
 
 use crate::gizmo::gizmo;
 use crate::open_bake::OpenBake;
-use crate::overlay_shapes::{light_shape, probe_rays, receiver_lines, support_sphere};
+use crate::overlay_shapes::{light_shape, link_lines, probe_rays, receiver_lines, support_sphere};
 use crate::overlays::OverlayLine;
 use crate::stage::Stage;
 use crate::state::ViewState;
@@ -27,6 +27,7 @@ pub fn overlay_lines(bake: &OpenBake<'_>, state: &ViewState, stage: &Stage) -> V
     }
     if let Some(receiver) = overlays.receiver.filter(|&it| (it as usize) < bake.baked.receiver_position.len()) {
         lines.extend(receiver_lines(&bake.baked, receiver));
+        lines.extend(link_lines(&bake.baked, &bake.texels, receiver));
     }
     if overlays.lights {
         lines.extend(light_lines(bake, state, stage));

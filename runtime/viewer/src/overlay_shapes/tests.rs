@@ -158,3 +158,28 @@ fn weights_have_colors_from_end_to_end() {
         assert!(luminance(weight) < luminance(weight + 0.05), "at {weight}");
     }
 }
+
+#[test]
+fn links_go_to_the_middle_of_what_their_nodes_cover() {
+    use localprt_formats::{NearArrays, NearTile};
+    let mut baked = baked();
+    let tile = |first_receiver, first_link, scale| NearTile { first_receiver, first_node: first_link, first_link, scale };
+    // A texel of the map, and the level above over four of which one is covered.
+    baked.near = Some(NearArrays {
+        tiles: vec![tile(0, 0, 1.0), tile(4, 2, 0.0)],
+        nodes: vec![5, 1 << 28 | 1],
+        counts: vec![2, 0, 0, 0],
+        links: vec![0, 1],
+        weights: vec![127, 64],
+    });
+    let texels = SceneTexels {
+        size: 4,
+        index: vec![2, 5],
+        position: vec![Vec3::new(0.0, 3.0, 0.0), Vec3::new(1.0, 0.0, 2.0)],
+        ..SceneTexels::default()
+    };
+    let lines = link_lines(&baked.view(), &texels, 0);
+    assert_eq!(lines.iter().map(|line| line.to).collect::<Vec<_>>(), [texels.position[0], texels.position[1]]);
+    assert!(lines[1].width_px > lines[0].width_px, "the strongest is last and thickest");
+    assert!(link_lines(&baked.view(), &texels, 1).is_empty() && link_lines(&baked.view(), &texels, 9).is_empty());
+}

@@ -41,6 +41,13 @@ fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
     if let Some((number, coefficients, receivers)) = cluster {
         ui.label(format!("cluster {number}: {coefficients} coefficients for {receivers} receivers"));
     }
+    if let Some(near) = &baked.near {
+        let links = near.links_of(index);
+        let irradiance: f32 = links.iter().map(|link| link.1).sum();
+        let share = if baked.metadata.receiver_degree == 0 { irradiance / std::f32::consts::PI } else { f32::NAN };
+        let share = if share.is_nan() { String::new() } else { format!(", {:.1} % of its view", 100.0 * share) };
+        ui.label(format!("{} links to the light map{share}", links.len()));
+    }
     egui::Grid::new("supporting probes").num_columns(4).striped(true).show(ui, |ui| {
         for title in ["probe", "distance", "weight", "share of row"] {
             ui.strong(title);
