@@ -266,7 +266,8 @@ impl NearView<'_> {
     /// Links of a receiver: node, and weight of output 0. None for a receiver that does not exist; the arrays must be sound.
     pub fn links_of(&self, receiver: u32) -> Vec<(u32, f32)> {
         let after = self.tiles.partition_point(|tile| tile.first_receiver <= receiver);
-        let (Some(tile), true) = (after.checked_sub(1).map(|at| self.tiles[at]), (receiver as usize) < self.counts.len())
+        let (Some(tile), true) =
+            (after.checked_sub(1).map(|at| self.tiles[at]), (receiver as usize) < self.counts.len())
         else {
             return Vec::new();
         };

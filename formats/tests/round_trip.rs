@@ -3,7 +3,9 @@
 mod common;
 
 use common::{Sizes, arrays, minimal};
-use localprt_formats::{Baked, BakedArrays, BakedView, NearArrays, VolumeArrays, WriteError, check, check_bytes, to_bytes, write};
+use localprt_formats::{
+    Baked, BakedArrays, BakedView, NearArrays, VolumeArrays, WriteError, check, check_bytes, to_bytes, write,
+};
 use proptest::prelude::*;
 
 fn owned(view: &BakedView<'_>) -> BakedArrays {

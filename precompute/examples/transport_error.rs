@@ -102,7 +102,8 @@ fn report(
     let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
     let without_links: Vec<Vec3> = legs.iter().map(|leg| leg.without_links).collect();
     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
-    for (way, values) in [("paper", &paper), ("without links", &without_links), ("rows", &rows), ("file", &compressed)] {
+    for (way, values) in [("paper", &paper), ("without links", &without_links), ("rows", &rows), ("file", &compressed)]
+    {
         let of = MethodError::of(values, &reference).ok_or("no light reaches any receiver")?;
         println!(
             "{name}, {way}: nrmse {:.4}, without the worst 1 % {:.4}, median {:.4}, 95 % {:.3}, 99 % {:.2}, bias {:+.1} %",

@@ -26,9 +26,9 @@ use facts::{atlas_facts, fill_results, placement_facts, scene_facts};
 use failures::{placement_error, tree_error};
 use glam::Vec3;
 use lay_out::{LaidOut, Space, lay_out};
-use near_tiles::near_tiles;
 use localprt_formats::{BakedArrays, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh};
 use localprt_scenes::Scene;
+use near_tiles::near_tiles;
 use rayon::prelude::*;
 use std::time::Instant;
 

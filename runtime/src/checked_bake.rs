@@ -3,8 +3,8 @@
 use crate::checked_volume::CheckedVolume;
 use crate::error::RelightError;
 use half::f16;
-use localprt_formats::sh::{self, MAX_DEGREE};
 use localprt_formats::check::check_near;
+use localprt_formats::sh::{self, MAX_DEGREE};
 use localprt_formats::{BakedView, ClusterRecord, LEVEL_SKY, MAX_LEVEL, NearView, VolumeView};
 use rayon::prelude::*;
 use std::ops::Range;

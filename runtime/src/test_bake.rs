@@ -90,7 +90,7 @@ pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
         for _ in 0..n_nodes {
             let level = random(2, near.nodes.len()) % sizes.len() as u32;
             let size = sizes[level as usize];
-            near.nodes.push(level << 28 | random(3, near.nodes.len()) % (size * size));
+            near.nodes.push((level << 28) | (random(3, near.nodes.len()) % (size * size)));
         }
         for _ in 0..in_tile {
             let count = random(4, receiver) % 6;
@@ -116,7 +116,7 @@ pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
 pub fn light_map(size: u32) -> Vec<CoverageMap> {
     let mut levels: Vec<CoverageMap> = level_sizes(size).into_iter().map(CoverageMap::uncovered).collect();
     for (i, texel) in levels[0].texels_mut().iter_mut().enumerate() {
-        if counter_hash(78, 0, i as u64) % 4 > 0 {
+        if !counter_hash(78, 0, i as u64).is_multiple_of(4) {
             *texel = Vec3::from([0, 1, 2].map(|band| counter_uniform(79, band, i as u64) as f32)).extend(1.0);
         }
     }

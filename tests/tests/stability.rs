@@ -79,7 +79,8 @@ fn does_not_flicker(transport: Transport) {
     assert!(of_finer < 0.6 * flicker, "512 texels: {of_finer}, 128: {flicker}");
     assert!(of_finer < 2e-3, "{of_finer}");
     // Near light reads texels of the map too, and not coarser ones than probes do.
-    let near = bake(scene("cornell"), &BakeSettings { near_bytes: 32, direct_map: 512, relight_rays: 8000, ..settings });
+    let near =
+        bake(scene("cornell"), &BakeSettings { near_bytes: 32, direct_map: 512, relight_rays: 8000, ..settings });
     let (_, with_near) = roughness(&near);
     eprintln!("the same with near light: {with_near:.5}");
     assert!(with_near <= of_finer, "near light: {with_near}, without {of_finer}");

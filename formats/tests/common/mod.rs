@@ -198,7 +198,8 @@ fn near(seed: u64, metadata: &Metadata, n_receivers: u32) -> NearArrays {
         for link in 0..count {
             let level = counter_hash(seed, 21, near.nodes.len() as u64) as u32 % (metadata.direct_size.ilog2() + 1);
             let texels = (metadata.direct_size >> level).pow(2);
-            near.nodes.push(level << 28 | counter_hash(seed, 22, near.nodes.len() as u64) as u32 % texels);
+            let texel = counter_hash(seed, 22, near.nodes.len() as u64) as u32 % texels;
+            near.nodes.push((level << 28) | texel);
             near.links.push(link);
             let first = near.weights.len();
             near.weights.extend((first..first + n_k).map(|i| counter_hash(seed, 23, i as u64) as i8));

@@ -17,7 +17,9 @@ pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
         });
         let size = high - low;
         if members.len() < limit.max(2) {
-            members.sort_by_cached_key(|&member| (morton((positions[member as usize] - low) / size.max_element()), member));
+            members.sort_by_cached_key(|&member| {
+                (morton((positions[member as usize] - low) / size.max_element()), member)
+            });
             finished.push(members);
             continue;
         }

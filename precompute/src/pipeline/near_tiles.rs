@@ -81,7 +81,8 @@ mod tests {
                 for receiver in pair[0].first_receiver..pair[1].first_receiver {
                     let expected = &links[receiver as usize];
                     let of_receiver = link..link + usize::from(near.counts[receiver as usize]);
-                    let found: Vec<u32> = near.links[of_receiver.clone()].iter().map(|&at| nodes[at as usize]).collect();
+                    let found: Vec<u32> =
+                        near.links[of_receiver.clone()].iter().map(|&at| nodes[at as usize]).collect();
                     assert_eq!(found, expected.nodes);
                     for k in 0..n_k {
                         let stored = |link: usize| quantize::near_weight(near.weights[link * n_k + k], pair[0].scale);

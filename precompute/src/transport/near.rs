@@ -176,7 +176,7 @@ impl NearField {
         let edge_m = sum(|hit| hit.texel_m) * (1u32 << level) as f32;
         let is_small = edge_m <= ANGLE * sum(|hit| hit.distance_m);
         if level == 0 || is_small && self.charts.is_of(level, x, y, hits[0].chart) {
-            let node = level << 28 | (y * self.charts.level_size(level) + x);
+            let node = (level << 28) | (y * self.charts.level_size(level) + x);
             nodes.push(NodeHits { node, gain: sum(|hit| hit.gain), hits: range });
             return;
         }
@@ -243,7 +243,7 @@ mod tests {
     fn hits(count: u64, distance_m: impl Fn(u64) -> f32) -> Vec<NearHit> {
         let hit = |i: u64| {
             let x = counter_hash(5, 0, i) as u32 % 40;
-            let chart = u32::from(counter_hash(5, 2, i) % 3 == 0);
+            let chart = u32::from(counter_hash(5, 2, i).is_multiple_of(3));
             NearHit {
                 chart,
                 place: morton(if chart == 0 { x } else { 41 + x % 23 }, counter_hash(5, 1, i) as u32 % SIZE),

@@ -176,7 +176,8 @@ pub fn measure(
         irradiance_map(subject, &spread(subject, &needed, &values))
     };
     let ours = lit.relit.irradiance_map.clone();
-    let maps: [CoverageMap; METHODS.len()] = std::array::from_fn(|method| if method == 0 { ours.clone() } else { map_of(method - 1) });
+    let maps: [CoverageMap; METHODS.len()] =
+        std::array::from_fn(|method| if method == 0 { ours.clone() } else { map_of(method - 1) });
     let error = |method: usize| {
         let values: Vec<Vec3> = match method {
             0 => compressed.clone(),

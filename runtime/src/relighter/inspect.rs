@@ -96,9 +96,9 @@ impl Relighter {
             ),
             (
                 "near_light",
-                self.near_light.as_ref().map_or(0, |near| {
-                    near.bytes() + near.n_nodes() * light_map_texel + 2 * coefficients
-                }),
+                self.near_light
+                    .as_ref()
+                    .map_or(0, |near| near.bytes() + near.n_nodes() * light_map_texel + 2 * coefficients),
             ),
             (
                 "gutter_dilation",

@@ -163,7 +163,8 @@ fn weights_have_colors_from_end_to_end() {
 fn links_go_to_the_middle_of_what_their_nodes_cover() {
     use localprt_formats::{NearArrays, NearTile};
     let mut baked = baked();
-    let tile = |first_receiver, first_link, scale| NearTile { first_receiver, first_node: first_link, first_link, scale };
+    let tile =
+        |first_receiver, first_link, scale| NearTile { first_receiver, first_node: first_link, first_link, scale };
     // A texel of the map, and the level above over four of which one is covered.
     baked.near = Some(NearArrays {
         tiles: vec![tile(0, 0, 1.0), tile(4, 2, 0.0)],
