@@ -177,7 +177,7 @@ pub struct BakedArrays {
     pub receiver_position: Vec<[f32; 3]>,
     /// `[n_receivers]` unit shading normal.
     pub receiver_normal: Vec<[f32; 3]>,
-    /// `[n_receivers]` cosine-weighted share of directions whose surface no supporting probe sees, 0..=1.
+    /// `[n_receivers]` cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads, 0..=1.
     pub receiver_unseen: Vec<f32>,
     /// `[n_clusters]`.
     pub clusters: Vec<ClusterRecord>,

@@ -464,6 +464,9 @@ pub fn check_near(view: &BakedView<'_>) -> Result<(), Violation> {
     }
     // Levels halve rounded up.
     let direct_size = view.metadata.direct_size.max(1);
+    if end.scale.to_bits() != 0 {
+        return fail(84, format!("near light: the last tile's scale is {}, must be 0", end.scale));
+    }
     let last_level = direct_size.next_power_of_two().ilog2().min(MAX_LEVEL.into());
     for (i, &node) in near.nodes.iter().enumerate() {
         let (level, texel) = node_level_and_texel(node);

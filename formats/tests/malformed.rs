@@ -584,6 +584,7 @@ fn near_light_rules_refuse() {
     for scale in [-1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(near(&|near| near.tiles[0].scale = scale), 84);
     }
+    assert_eq!(near(&|near| near.tiles[2].scale = 0.5), 84);
     // Level 4 of a map of 8 texels, and texels beyond their level.
     for node in [4 << 28, 64, 1 << 28 | 16, u32::MAX] {
         assert_eq!(near(&|near| near.nodes[0] = node), 85);

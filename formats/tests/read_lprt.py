@@ -143,6 +143,7 @@ def near_uniform(meta, sections, outputs, n_k):
                     outputs[receiver * n_k + k] += scale * root * abs(root)
                 link += 1
         require(83, link == following[2])
+    require(84, tiles[-1][3] == 0)
     return {"tiles": len(tiles) - 1, "nodes": len(nodes), "links": len(links)}
 
 

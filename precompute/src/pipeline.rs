@@ -120,7 +120,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         let charts = ChartPyramid::of(&direct);
         let rays =
             relight_rays::trace(&caster, &light_map, &charts, &probes.positions, settings.relight_rays, &probe_basis);
-        (rays, direct.texels.len(), (light_map, charts))
+        (rays, direct.texels.len(), (light_map, direct))
     };
     progress.check()?;
 
@@ -148,8 +148,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     };
     let near = settings.near_bytes_in_force().map(|bytes| {
         let _stage = progress.stage("near light", 0);
-        let (atlas, charts) = light_map;
-        NearField::new(atlas, charts, &probes, &support).within(bytes, &transport)
+        let (atlas, map) = &light_map;
+        NearField::new(&caster, atlas.clone(), map, &probes, &support).within(bytes, &transport)
     });
     let transport = TransportScene { near: near.as_ref(), ..transport };
     let refining = RefineSettings {

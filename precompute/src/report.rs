@@ -33,7 +33,7 @@ pub struct BakeReport {
     pub probes_per_cluster: f64,
     /// Rays traced by the bake.
     pub rays: u64,
-    /// Cosine-weighted share of directions whose surface no supporting probe sees, over receivers.
+    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads, over receivers.
     pub unseen: Unseen,
     /// What compression changed.
     pub compression: Compression,
@@ -162,12 +162,12 @@ pub struct Bytes {
     pub projection: u64,
     /// `U` of all clusters.
     pub reconstruction: u64,
-    /// Near light: tiles, nodes, links and weights.
-    pub near_light: u64,
     /// Relight rays: directions, basis, lookups, distances.
     pub relight: u64,
     /// The whole file.
     pub file: u64,
+    /// Near light: tiles, nodes, links and weights.
+    pub near_light: u64,
 }
 
 /// Wall time of a stage.
@@ -398,7 +398,7 @@ mod tests {
         assert_eq!(keys(&json["overlap"]).join(" "), "mean min max");
         assert_eq!(keys(&json["unseen"]).join(" "), "mean p95 max");
         assert_eq!(keys(&json["compression"]).join(" "), "rms_error max_error");
-        assert_eq!(keys(&json["bytes"]).join(" "), "projection reconstruction relight file");
+        assert_eq!(keys(&json["bytes"]).join(" "), "projection reconstruction relight file near_light");
         assert_eq!(keys(&json["stages"][0]).join(" "), "name seconds");
         assert_eq!(serde_json::from_value::<BakeReport>(json).expect("a report"), report);
     }

@@ -270,7 +270,7 @@ impl Relighter {
         Ok(())
     }
 
-    /// Objects that block relight rays.
+    /// Objects that block relight rays; links of near light pass through them.
     ///
     /// # Errors
     /// [`RelightError::Occluders`] if there are too many, one is not valid, or the file has no ray distances.
@@ -361,7 +361,7 @@ impl Relighter {
     }
 
     /// Records one pass of a gather alone, by its name in [`Relighter::traffic`], for measuring; false for a name that is
-    /// none.
+    /// none. `near_light` adds to the light of the passes before it, every time.
     pub fn encode_pass(&mut self, encoder: &mut wgpu::CommandEncoder, name: &str) -> bool {
         let passes: [Pass; 7] = [
             ("direct_lightmap", |this, pass| this.direct_lightmap.encode(pass)),

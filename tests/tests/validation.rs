@@ -80,7 +80,11 @@ fn every_method_is_right_in_a_furnace() {
 #[test]
 fn local_reconstruction_beats_interpolation_and_its_parts_add_up() {
     let settings = BakeSettings { transport: Transport::Fitted, ..small_settings() };
-    let found = findings(&bake(scene("cornell"), &settings), &few(), &[]);
+    let baked = bake(scene("cornell"), &settings);
+    // Bytes of links are asked for, and found from a sample of the receivers.
+    let near = baked.report.bytes.near_light as f32 / baked.report.receivers as f32 / settings.near_bytes as f32;
+    assert!((0.4..1.3).contains(&near), "{near} of the bytes asked for");
+    let found = findings(&baked, &few(), &[]);
     let state = &found.states[0];
     let [compressed, uncompressed, without_links, paper, spatial, arikan] = state.methods;
     assert!(uncompressed.nrmse < 0.9 * without_links.nrmse, "{uncompressed:?} {without_links:?}");

@@ -194,6 +194,7 @@ fn near(seed: u64, metadata: &Metadata, n_receivers: u32) -> NearArrays {
     let n_k = metadata.n_k();
     for receiver in 0..=n_receivers {
         near.tiles.push(tile(receiver, near.nodes.len() as u32, near.links.len() as u32, 0.75));
+        near.tiles[receiver as usize].scale *= f32::from(u8::from(receiver < n_receivers));
         let count = if receiver < n_receivers { counter_hash(seed, 20, receiver.into()) as u8 % 5 } else { 0 };
         for link in 0..count {
             let level = counter_hash(seed, 21, near.nodes.len() as u64) as u32 % (metadata.direct_size.ilog2() + 1);

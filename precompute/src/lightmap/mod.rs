@@ -8,6 +8,7 @@ mod chart_pyramid;
 mod charts;
 pub mod cut;
 mod gutters;
+mod pieces;
 mod raster;
 pub mod receivers;
 mod seams;
@@ -20,6 +21,7 @@ pub mod texels;
 pub mod unwrap;
 
 pub use chart_pyramid::{ChartPyramid, as_stored};
+pub use pieces::Pieces;
 
 use glam::{Vec2, Vec3};
 use localprt_scenes::FaceId;

@@ -12,7 +12,7 @@ pub struct ReceiverVertex {
     pub normal: [f32; 3],
     /// Indirect irradiance, linear RGB, W/m^2.
     pub irradiance: [f32; 3],
-    /// Cosine-weighted share of directions whose surface no supporting probe sees.
+    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads.
     pub unseen: f32,
     /// The receiver's cluster.
     pub cluster: u32,

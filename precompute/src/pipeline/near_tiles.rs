@@ -35,7 +35,8 @@ fn start(near: &NearArrays, first_receiver: usize, scale: f32) -> NearTile {
     }
 }
 
-/// Weights are rounded with what the rounding of those before has left over, so that a receiver's sum stays.
+/// Weights are rounded from the smallest up, each with what the rounding of those before has left over: a receiver's sum stays,
+/// and no small weight takes the error of a large one.
 fn push_tile(near: &mut NearArrays, first: usize, links: &[&Links], mut places: BTreeMap<u32, u8>, n_k: usize) {
     let scale = links.iter().flat_map(|links| &links.weights).fold(0.0f32, |most, weight| most.max(weight.abs()));
     near.tiles.push(start(near, first, scale));
@@ -44,12 +45,17 @@ fn push_tile(near: &mut NearArrays, first: usize, links: &[&Links], mut places: 
     for links in links {
         near.counts.push(links.nodes.len() as u8);
         near.links.extend(links.nodes.iter().map(|node| places[node]));
-        let mut left = vec![0.0; n_k];
-        for weights in links.weights.chunks_exact(n_k) {
-            for (weight, left) in weights.iter().zip(&mut left) {
-                let code = quantize::near_code(weight + *left, scale);
-                *left += weight - quantize::near_weight(code, scale);
-                near.weights.push(code);
+        let first = near.weights.len();
+        near.weights.resize(first + links.weights.len(), 0);
+        for k in 0..n_k {
+            let mut order: Vec<usize> = (k..links.weights.len()).step_by(n_k).collect();
+            order.sort_by(|&a, &b| links.weights[a].abs().total_cmp(&links.weights[b].abs()));
+            let mut left = 0.0;
+            for at in order {
+                let weight = links.weights[at];
+                let code = quantize::near_code(weight + left, scale);
+                left += weight - quantize::near_weight(code, scale);
+                near.weights[first + at] = code;
             }
         }
     }
@@ -84,6 +90,13 @@ mod tests {
                     let found: Vec<u32> =
                         near.links[of_receiver.clone()].iter().map(|&at| nodes[at as usize]).collect();
                     assert_eq!(found, expected.nodes);
+                    for (at, &weight) in expected.weights.iter().enumerate() {
+                        let scale = pair[0].scale;
+                        let stored = quantize::near_weight(near.weights[of_receiver.start * n_k + at], scale);
+                        // Its own rounding and that of a smaller one.
+                        let allowed = 2.0 * ((scale * weight.abs()).sqrt() / 127.0 + scale / 254.0 / 254.0);
+                        assert!((stored - weight).abs() <= allowed, "{stored} instead of {weight}");
+                    }
                     for k in 0..n_k {
                         let stored = |link: usize| quantize::near_weight(near.weights[link * n_k + k], pair[0].scale);
                         let sum: f32 = of_receiver.clone().map(stored).sum();

@@ -65,7 +65,7 @@ pub struct TransportRows {
     pub n_k: usize,
     /// `[n_members * n_k][n_columns]`, receiver by receiver.
     pub rows: Vec<f32>,
-    /// `[n_members]` cosine-weighted share of directions whose surface no supporting probe sees.
+    /// `[n_members]` cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads.
     pub unseen: Vec<f32>,
     /// `[n_members * n_k]` predicted variance of what each row gets wrong of a field of variance 1 (F4); empty for the
     /// paper's rows.
@@ -158,7 +158,8 @@ impl TransportScene<'_> {
             unseen.push(receiver.unseen);
             rays += receiver.rays;
             if self.near.is_some() {
-                links.push(workspace.links.clone());
+                // Gains have done their work.
+                links.push(Links { gains: Vec::new(), ..workspace.links.clone() });
             }
             let support = self.support.of(member as usize);
             if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {

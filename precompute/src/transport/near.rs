@@ -6,21 +6,22 @@
 //! ```text
 //! E = α·λ + sum_k β_k d_k                                                                        (N1)
 //! β_k = sum over rays r that meet node k of φ(t_r / R) w_r                                       (N2)
-//! φ(s) = 1 below FADE, falling smoothly to 0 at 1                                                (N3)
+//! φ(s) = 1 below FADE, falling smoothly to 0 at 1; and 1 for what no probe sees                  (N3)
 //! ```
 //!
 //! d_k is a texel of a mip level, R the reach, w_r and t_r weight and length of a ray. The share φ of a ray is taken out of the
 //! row's part α, the paper's and the fitted one alike, so that no light counts twice.
 //!
 //! Nodes whose light counts most are read, as many as there are bytes for: by weight, times how near they are, as the probes know
-//! near light least, and most what no probe sees at all. The rest stays with the probes. They are a cut through the quadtree of the light map: the coarsest that hold texels of one chart alone and are no
-//! larger than a share of their distance. A receiver reads nothing but what its own rays meet: sealed rooms stay sealed.
+//! near light least, and most what no probe sees at all. The rest stays with the probes. They are a cut through the quadtree of the light map: the coarsest that cover one piece of
+//! one chart, with no wall between its parts, and are no larger than a share of their distance. A receiver reads nothing but
+//! pieces that its own rays meet: sealed rooms stay sealed.
 
 use super::{TransportScene, kernel};
 use crate::{
-    lightmap::{Atlas, ChartPyramid},
+    lightmap::{Atlas, ChartPyramid, Pieces, TexelMap},
     probes::{ProbeSet, Support, point_grid::PointGrid},
-    rays::SurfaceHit,
+    rays::{RayCaster, SurfaceHit},
 };
 use localprt_formats::{NEAR_NODES, NEAR_TILE, NearTile};
 use localprt_scenes::Scene;
@@ -35,7 +36,7 @@ const REACH: f32 = 0.5;
 const FADE: f32 = 0.75;
 /// How much more the light at no distance counts than that at the reach, which the nearest probes can tell best.
 const NEAREST: f32 = 3.0;
-/// The same of light that no probe sees.
+/// The same of light beyond that no probe sees. Of nearer light no probe is asked.
 const UNSEEN: f32 = 4.0;
 /// Least gain for which a node is read, however many bytes there are.
 const LEAST: f32 = 1e-3;
@@ -53,6 +54,8 @@ pub struct NearField {
     atlas: Atlas,
     /// Its charts.
     charts: ChartPyramid,
+    /// Which nodes have no wall between their parts.
+    pieces: Pieces,
     /// `[n_receivers]` R, metres.
     reach_m: Vec<f32>,
     /// Nodes of less gain than this are left to the probes.
@@ -93,8 +96,8 @@ impl NearHit {
 }
 
 impl NearField {
-    /// Of the light map that `atlas` lays out and whose charts are `charts`; every node that may be read is.
-    pub fn new(atlas: Atlas, charts: ChartPyramid, probes: &ProbeSet, support: &Support) -> Self {
+    /// Of the light map that `atlas` lays out and that covers `map`; every node that may be read is.
+    pub fn new(caster: &RayCaster<'_>, atlas: Atlas, map: &TexelMap, probes: &ProbeSet, support: &Support) -> Self {
         let spacing = nearest_m(probes);
         let reach_m = (0..support.radius_m.len())
             .map(|receiver| {
@@ -103,7 +106,8 @@ impl NearField {
                 REACH * if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
             })
             .collect();
-        Self { atlas, charts, reach_m, least: LEAST }
+        let (charts, pieces) = (ChartPyramid::of(map), Pieces::of(caster, map));
+        Self { atlas, charts, pieces, reach_m, least: LEAST }
     }
 
     /// The same with only as many nodes as fit `bytes` a receiver on average: those of most gain. The least gain is found
@@ -135,7 +139,9 @@ impl NearField {
     /// How often light counts that a ray of length `t` brings and that a probe sees, or that none does.
     pub(super) fn urgency(&self, receiver: usize, t: f32, is_seen: bool) -> f32 {
         let nearness = (1.0 - t / self.reach_m[receiver]).max(0.0);
-        if is_seen { 1.0 + (NEAREST - 1.0) * nearness } else { UNSEEN }
+        // The nearest first there too, so that gains differ: a limit on them is then met closely.
+        let unseen = UNSEEN * (1.0 + 0.1 / (1.0 + t / self.reach_m[receiver]));
+        if is_seen { 1.0 + (NEAREST - 1.0) * nearness } else { unseen }
     }
 
     /// The texel of the light map at a hit whose ray is a `share` of all directions; `None` where the hit's chart has none.
@@ -145,11 +151,6 @@ impl NearField {
         let (x, y) = self.charts.texel_near(self.atlas.at(&point), chart)?;
         let texel_m = self.charts.texel_m2(scene, &self.atlas, &point).sqrt();
         Some(NearHit { chart, place: morton(x, y), texel_m, distance_m: hit.t, gain: share, ray })
-    }
-
-    /// Whether the light of a surface point can be read from the map at all.
-    pub fn reads(&self, scene: &Scene, hit: &SurfaceHit) -> bool {
-        self.hit(scene, hit, 0.0, 0).is_some()
     }
 
     /// The nodes that a receiver reads, and its hits that are left to the probes. Sorts the hits.
@@ -162,11 +163,11 @@ impl NearField {
             self.cut_node(top, hits, first..first + of_chart.len(), &mut nodes);
             first += of_chart.len();
         }
-        let mut gains: Vec<f32> = nodes.iter().map(|node| node.gain).collect();
-        gains.sort_unstable_by(|a, b| b.total_cmp(a));
-        let least = self.least.max(gains.get(MOST).map_or(0.0, |gain| gain.next_up()));
-        let (read, left): (Vec<_>, Vec<_>) = nodes.into_iter().partition(|node| node.gain >= least);
-        (read, left.into_iter().map(|node| node.hits).collect())
+        // Nodes are different, so the order is one.
+        nodes.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.node.cmp(&b.node)));
+        let read = nodes.iter().take(MOST).take_while(|node| node.gain >= self.least).count();
+        let left = nodes.split_off(read);
+        (nodes, left.into_iter().map(|node| node.hits).collect())
     }
 
     fn cut_node(&self, level: u32, all: &[NearHit], range: Range<usize>, nodes: &mut Vec<NodeHits>) {
@@ -175,8 +176,10 @@ impl NearField {
         let sum = |of: fn(&NearHit) -> f32| hits.iter().map(of).sum::<f32>();
         let edge_m = sum(|hit| hit.texel_m) * (1u32 << level) as f32;
         let is_small = edge_m <= ANGLE * sum(|hit| hit.distance_m);
-        if level == 0 || is_small && self.charts.is_of(level, x, y, hits[0].chart) {
-            let node = (level << 28) | (y * self.charts.level_size(level) + x);
+        let texel = y * self.charts.level_size(level) + x;
+        let is_whole = || self.charts.is_of(level, x, y, hits[0].chart) && self.pieces.is_one(level, texel);
+        if level == 0 || is_small && is_whole() {
+            let node = (level << 28) | texel;
             nodes.push(NodeHits { node, gain: sum(|hit| hit.gain), hits: range });
             return;
         }
@@ -237,7 +240,8 @@ mod tests {
             Some(Texel { index, face: FaceId(chart), mesh: 0, triangle: chart, barycentrics, chart })
         };
         let map = TexelMap { size: SIZE, texels: (0..SIZE * SIZE).filter_map(texel).collect() };
-        NearField { atlas: Atlas::default(), charts: ChartPyramid::of(&map), reach_m: vec![2.0], least }
+        let pieces = Pieces::whole(SIZE);
+        NearField { atlas: Atlas::default(), charts: ChartPyramid::of(&map), pieces, reach_m: vec![2.0], least }
     }
 
     fn hits(count: u64, distance_m: impl Fn(u64) -> f32) -> Vec<NearHit> {
@@ -289,9 +293,9 @@ mod tests {
         }
         found.sort_unstable();
         assert_eq!(found, (0..200).collect::<Vec<u32>>());
-        // Twice the distance, no more nodes.
-        hits.iter_mut().for_each(|hit| hit.distance_m *= 2.0);
-        assert!(field.cut(&mut hits).0.len() < nodes.len());
+        // A tenth of the distance, more nodes.
+        hits.iter_mut().for_each(|hit| hit.distance_m *= 0.1);
+        assert!(field.cut(&mut hits).0.len() > nodes.len());
     }
 
     #[test]

@@ -29,7 +29,7 @@ impl Count {
 /// Coverage of a baked file, over all its receivers and clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Coverage {
-    /// Cosine-weighted share of directions whose surface no supporting probe sees.
+    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads.
     pub unseen: Unseen,
     /// Supporting probes per receiver.
     pub probes_per_receiver: Count,

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! all           E_1 + sum w albedo/pi I(Γ)   path traced first bounce, and the earlier bounces I that the file's light holds
-//! seen          all - sum w L(Γ)             over the dense rays whose surface no supporting probe sees and no link may read
+//! seen          all - sum w L(Γ)             over the dense rays whose surface no supporting probe sees and no link reads
 //! dense         the transport row of that dense set times the probe radiance (Eq. 7)
 //! uncompressed  the transport row of the bake's own gather rays times the probe radiance, and its links times the light map
 //! compressed    U S V^T times the probe radiance, from the file in f16
@@ -43,7 +43,7 @@ use localprt_formats::{
 use localprt_runtime::DEFAULT_FEEDBACK_ALBEDO_CAP;
 use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
-use std::f32::consts::PI;
+use std::{collections::HashSet, f32::consts::PI};
 
 /// Surfaces nearer than this times the radius of support are near for the comparator `arikan`.
 pub const NEAR: f32 = 0.5;
@@ -208,13 +208,16 @@ impl<'a> Leg<'a> {
     ) -> TruthLeg {
         let probes = self.probes(receiver);
         let (mut all, mut unseen) = (first_bounce.as_dvec3(), DVec3::ZERO);
-        let near = self.subject.transport().near;
-        let is_linked = |hit: &SurfaceHit| near.is_some_and(|near| near.reads(self.subject.caster.scene(), hit));
-        self.for_each_ray(receiver, rays, |_, weight, hit| {
+        // Of the same directions as the rays below.
+        let transport = TransportScene { gather: rays, ..self.subject.transport() };
+        let bits = |dir: Vec3| dir.to_array().map(f32::to_bits);
+        let linked: HashSet<[u32; 3]> =
+            transport.linked(self.subject.place(receiver)).into_iter().map(|(dir, _)| bits(dir)).collect();
+        self.for_each_ray(receiver, rays, |dir, weight, hit| {
             let Some(hit) = hit else { return };
             let earlier = self.reflected_earlier(hit);
             all += (weight * earlier).as_dvec3();
-            if !self.is_seen(hit, &probes) && !is_linked(hit) {
+            if !self.is_seen(hit, &probes) && !linked.contains(&bits(dir)) {
                 unseen += (weight * (self.sent_first(hit) + earlier)).as_dvec3();
             }
         });

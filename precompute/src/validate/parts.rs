@@ -20,7 +20,7 @@ const CORNER: f32 = 0.25;
 pub struct ErrorParts {
     /// Earlier bounces, with the noise of two references; 0 with one bounce.
     pub input: f64,
-    /// Light from surfaces that no supporting probe sees.
+    /// Light from surfaces that no supporting probe sees and no link reads.
     pub unseen: f64,
     /// Band limit of the probes, with relight rays and light map.
     pub band_limit: f64,

@@ -7,7 +7,7 @@
 use crate::{
     clusters::leaves,
     error::BakeError,
-    lightmap::{Atlas, ChartPyramid, ReceiverSet, receivers, texels},
+    lightmap::{Atlas, ReceiverSet, receivers, texels},
     probes::{self, ProbeSet, Support},
     progress::{Cancelled, Progress},
     rays::RayCaster,
@@ -145,7 +145,7 @@ impl<'a> Subject<'a> {
         let (direct_size, lightmap_size) = (self.view.metadata.direct_size, self.view.metadata.lightmap_size);
         let (direct, _) =
             texels::cover_visible(scene, &light_map, direct_size, &self.atlas, lightmap_size, &has_receiver);
-        let field = NearField::new(light_map, ChartPyramid::of(&direct), &self.probes, &self.support);
+        let field = NearField::new(self.caster, light_map, &direct, &self.probes, &self.support);
         Some(field.within(bytes, &self.transport()))
     }
 

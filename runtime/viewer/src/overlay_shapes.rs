@@ -164,7 +164,7 @@ pub fn link_lines(baked: &BakedView<'_>, texels: &SceneTexels, receiver: u32) ->
 /// Mean place of the surface that a node of the light map covers.
 fn place_of(node: u32, texels: &SceneTexels) -> Option<Vec3> {
     let (level, texel) = node_level_and_texel(node);
-    let (size, edge) = (texels.size.div_ceil(1 << level), 1 << level);
+    let (size, edge) = (texels.size.div_ceil(1 << level).max(1), 1 << level);
     let (first_x, first_y) = (texel % size * edge, texel / size * edge);
     let mut places = Vec::new();
     for y in first_y..(first_y + edge).min(texels.size) {

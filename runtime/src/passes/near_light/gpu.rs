@@ -92,11 +92,10 @@ impl NearLightPass {
                 pad: [0; 2],
             })
             .collect();
-        let bytes = |values: &[u8], first: u32, end: u32| {
-            storage(device, "near_light.bytes", &values[first as usize..end as usize])
+        let bytes = |values: &[u8], first: u32, end: u32, each: usize| {
+            storage(device, "near_light.bytes", &values[first as usize * each..end as usize * each])
         };
         let weights: &[u8] = bytemuck::cast_slice(near.weights);
-        let n_k = n_k as u32;
         let params = Params {
             n_tiles: records.len() as u32,
             // May be before the first counted receiver: the difference wraps, and so does the shader's.
@@ -111,9 +110,9 @@ impl NearLightPass {
                 "near_light.nodes",
                 bytemuck::cast_slice(&near.nodes[start.first_node as usize..end.first_node as usize]),
             ),
-            bytes(near.counts, first_count, end.first_receiver),
-            bytes(near.links, first_link, end.first_link),
-            bytes(weights, n_k * first_link, n_k * end.first_link),
+            bytes(near.counts, first_count, end.first_receiver, 1),
+            bytes(near.links, first_link, end.first_link, 1),
+            bytes(weights, first_link, end.first_link, n_k),
         ];
         self.bytes += buffers.iter().map(wgpu::Buffer::size).sum::<u64>();
         self.n_nodes += u64::from(end.first_node - start.first_node);

@@ -56,7 +56,7 @@ fn small_limits_give_the_same_light_in_pages() {
 fn default_limits_of_webgpu_are_enough() {
     let test = "default_limits_of_webgpu_are_enough";
     let Some((device, queue)) = device_with(test, |_| wgpu::Limits::default()) else { return };
-    assert_chain_agrees(&device, &queue, &test_bake::random(7, 1, 4), true);
+    assert_chain_agrees(&device, &queue, &test_bake::with_near(test_bake::random(7, 1, 4)), true);
 }
 
 #[test]

@@ -1,0 +1,104 @@
+//! Which texels of the light map's levels are one piece of surface: all that they cover is joined along the surface, so that no
+//! wall stands between two parts of it.
+
+use super::{TexelMap, charts::Sets};
+use crate::rays::RayCaster;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// How far above the surface neighbors look for each other, over their distance.
+const LIFT: f32 = 0.02;
+/// How far above it they may look around an edge of the surface.
+const AROUND: f32 = 0.25;
+/// No covered texel.
+const NOBODY: u32 = u32::MAX;
+
+/// Whether a texel of a level is one piece.
+pub struct Pieces {
+    /// `[texels]` of each level.
+    is_one: Vec<Vec<bool>>,
+}
+
+impl Pieces {
+    /// Of the covered texels of a map whose size is a power of two. Neighbors of one chart are joined if they see each other from
+    /// just above the surface.
+    pub fn of(caster: &RayCaster<'_>, map: &TexelMap) -> Self {
+        let size = map.size as usize;
+        let mut at = vec![NOBODY; size * size];
+        for (number, texel) in map.texels.iter().enumerate() {
+            at[texel.index as usize] = number as u32;
+        }
+        let scene = caster.scene();
+        let places: Vec<(Vec3, Vec3)> = map
+            .texels
+            .par_iter()
+            .map(|texel| {
+                let (mesh, triangle, weights) = (texel.mesh as usize, texel.triangle as usize, texel.barycentrics);
+                let [a, b, c] = scene.corners(mesh, triangle);
+                (a * weights.x + b * weights.y + c * weights.z, scene.geometric_normal(mesh, triangle))
+            })
+            .collect();
+        // Joined neighbors, and the first level on which one texel holds both.
+        let joined_from = |number: usize| {
+            let texel = &map.texels[number];
+            let (x, y) = (texel.index as usize % size, texel.index as usize / size);
+            let neighbors = [(x + 1, y), (x, y + 1)].into_iter().filter(|&(x, y)| x < size && y < size);
+            let (at, places) = (&at, &places);
+            neighbors.filter_map(move |(to_x, to_y)| {
+                let other = at[to_y * size + to_x];
+                let is_joined = other != NOBODY
+                    && map.texels[other as usize].chart == texel.chart
+                    && see_each_other(caster, places[number], places[other as usize]);
+                let apart = (x ^ to_x) | (y ^ to_y);
+                is_joined.then_some((usize::BITS - apart.leading_zeros(), number as u32, other))
+            })
+        };
+        let mut joined: Vec<(u32, u32, u32)> =
+            (0..map.texels.len()).into_par_iter().flat_map_iter(joined_from).collect();
+        joined.sort_unstable();
+
+        let mut sets = Sets::new(map.texels.len());
+        let mut next = joined.into_iter().peekable();
+        let mut pieces: Vec<u32> = at.iter().map(|&texel| u32::from(texel != NOBODY)).collect();
+        let mut is_one = vec![pieces.iter().map(|&pieces| pieces == 1).collect()];
+        for level in 1..=map.size.ilog2() {
+            let half = size >> level;
+            let mut above = vec![0; half * half];
+            for (texel, &pieces) in pieces.iter().enumerate() {
+                let (x, y) = (texel % (2 * half), texel / (2 * half));
+                above[y / 2 * half + x / 2] += pieces;
+            }
+            while let Some((_, a, b)) = next.next_if(|link| link.0 == level) {
+                if sets.lowest(a) != sets.lowest(b) {
+                    sets.join(a, b);
+                    let index = map.texels[a as usize].index as usize;
+                    above[((index / size) >> level) * half + ((index % size) >> level)] -= 1;
+                }
+            }
+            is_one.push(above.iter().map(|&pieces| pieces == 1).collect());
+            pieces = above;
+        }
+        Self { is_one }
+    }
+
+    /// All of a map is one piece.
+    #[cfg(test)]
+    pub(crate) fn whole(size: u32) -> Self {
+        let texels = |level: u32| 1 << (2 * (size.ilog2() - level));
+        Self { is_one: (0..=size.ilog2()).map(|level| vec![true; texels(level)]).collect() }
+    }
+
+    /// Whether a texel of a level, by `y * size of the level + x`, covers one piece of surface.
+    pub fn is_one(&self, level: u32, texel: u32) -> bool {
+        self.is_one[level as usize][texel as usize]
+    }
+}
+
+/// Straight above the surface, or over a point higher above the middle, where the surface bends.
+fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
+    let distance = a.0.distance(b.0);
+    let lift = (LIFT * distance).max(caster.offset_m());
+    let (from, to) = (a.0 + lift * a.1, b.0 + lift * b.1);
+    let middle = 0.5 * (a.0 + b.0) + 0.5 * (a.1 + b.1) * (AROUND * distance).max(lift);
+    caster.visible(from, to) || (caster.visible(from, middle) && caster.visible(middle, to))
+}
