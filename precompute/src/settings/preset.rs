@@ -32,7 +32,9 @@ impl Preset {
     pub fn settings(self) -> BakeSettings {
         let production = BakeSettings::default();
         match self {
-            Self::Preview => BakeSettings { receivers: 60_000, direct_map: 1024, gather_rays: 256, relight_rays: 2000, ..production },
+            Self::Preview => {
+                BakeSettings { receivers: 60_000, direct_map: 1024, gather_rays: 256, relight_rays: 2000, ..production }
+            }
             Self::Medium => BakeSettings { receivers: 120_000, gather_rays: 512, relight_rays: 4000, ..production },
             Self::Production => production,
         }
