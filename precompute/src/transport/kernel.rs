@@ -128,7 +128,8 @@ struct Batch {
 
 /// What a receiver's rays found beside its rows.
 pub(super) struct ReceiverFindings {
-    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads; in the open, plain share.
+    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads; in the open, plain
+    /// share.
     pub unseen: f32,
     /// Rays traced.
     pub rays: RayCounts,

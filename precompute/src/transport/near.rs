@@ -12,10 +12,11 @@
 //! d_k is a texel of a mip level, R the reach, w_r and t_r weight and length of a ray. The share φ of a ray is taken out of the
 //! row's part α, the paper's and the fitted one alike, so that no light counts twice.
 //!
-//! Nodes whose light counts most are read, as many as there are bytes for: by weight, times how near they are, as the probes know
-//! near light least, and most what no probe sees at all. The rest stays with the probes. They are a cut through the quadtree of the light map: the coarsest that cover one piece of
-//! one chart, with no wall between its parts, and are no larger than a share of their distance. A receiver reads nothing but
-//! pieces that its own rays meet: sealed rooms stay sealed.
+//! Nodes are a cut through the quadtree of the light map: the coarsest that cover one piece of one chart, with no wall between
+//! its parts, and are no larger than a share of their distance. A receiver reads nothing but pieces that its own rays meet:
+//! sealed rooms stay sealed. Of its nodes those are read whose light counts most, as many as there are bytes for: by weight,
+//! times how near they are, as the probes know near light least, and most of all what no probe sees. The rest stays with the
+//! probes.
 
 use super::{TransportScene, kernel};
 use crate::{
@@ -42,7 +43,7 @@ const UNSEEN: f32 = 4.0;
 const LEAST: f32 = 1e-3;
 /// Most links of a receiver: a file counts them in a byte.
 const MOST: usize = 255;
-/// Receivers that the least share is found on, at most, and one in so many.
+/// Receivers that the least gain is found on, at most, and one in so many.
 const SAMPLE: usize = 512;
 const SAMPLED_ONE_IN: usize = 50;
 /// Nodes of a tile over its links, as it is in furnished rooms and in level scenes.
