@@ -2,7 +2,7 @@
 # Prints the tables of docs/near-light.md: errors of a file's rows with and without links, and what bytes of links buy. Against
 # path tracing of the first bounce at receivers.
 #   scripts/near_table.sh [SCENE=LIGHTS.json,LIGHTS.json ...]   scenes instead of the built-in ones, each with its lights
-#   PRESET=preview, PROBES=150, RECEIVERS=600 (measured), SWEEP="0 8 16 32 64" and DEGREES="4 7" for the second table,
+#   PRESET=preview, PROBES=150, RECEIVERS=600 (measured), SWEEP="0 8 16 32 64" and DEGREES="4 7" for the second table, none if empty,
 #   OUT=target/near
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -71,8 +71,8 @@ echo "|---|---|---|---|---|---|---|---|"
 for pair in "$@"; do
     scene=${pair%%=*} name=$(basename "${pair%%=*}")
     name=${name#builtin:} name=${name%.*}
-    for degree in ${DEGREES:-4 7}; do
-        for bytes in ${SWEEP:-0 8 16 32 64}; do
+    for degree in ${DEGREES-4 7}; do
+        for bytes in ${SWEEP-0 8 16 32 64}; do
             bake "$scene" "$out/$name-$degree-$bytes" "${pair#*=}" --near-bytes "$bytes" --probe-degree "$degree"
             rows "$name" "$out/$name-$degree-$bytes.json" "$out/$name-$degree-$bytes.txt" "$degree"
         done

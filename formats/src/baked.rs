@@ -257,6 +257,11 @@ impl NearArrays {
     }
 }
 
+/// Node of a texel of a level, `y * size of the level + x`.
+pub fn node_at(level: u32, texel: u32) -> u32 {
+    (level << 28) | texel
+}
+
 /// Level of a node, and its texel there, `y * size of the level + x`.
 pub fn node_level_and_texel(node: u32) -> (u32, u32) {
     (node >> 28, node & 0x0fff_ffff)

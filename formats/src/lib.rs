@@ -61,7 +61,7 @@ pub mod write;
 
 pub use baked::{
     BakedArrays, BakedView, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, NEAR_NODES, NEAR_TILE,
-    NearArrays, NearTile, NearView, Probe, VolumeArrays, VolumeGrid, VolumeView, node_level_and_texel,
+    NearArrays, NearTile, NearView, Probe, VolumeArrays, VolumeGrid, VolumeView, node_at, node_level_and_texel,
 };
 pub use check::{Violation, check, check_bytes, check_invariants};
 pub use error::{OpenError, WriteError};

@@ -24,6 +24,7 @@ pub mod error;
 pub mod figures;
 pub mod inputs;
 pub mod lightmap;
+mod morton;
 pub mod output;
 pub mod picture;
 pub mod pipeline;

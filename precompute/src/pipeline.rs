@@ -151,6 +151,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         let (atlas, map) = &light_map;
         NearField::new(&caster, atlas.clone(), map, &probes, &support).within(bytes, &transport)
     });
+    drop(light_map);
     let transport = TransportScene { near: near.as_ref(), ..transport };
     let refining = RefineSettings {
         threshold: f64::from(settings.threshold),
@@ -241,7 +242,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
 }
 
-/// Clusters of all receivers in leaf order, the links of each receiver if there is near light, and the rays they cost. The rows of a leaf are made, compressed and dropped.
+/// Clusters of all receivers in leaf order, the links of each receiver if there is near light, and the rays they cost. The rows of
+/// a leaf are made, compressed and dropped.
 fn local_transport(
     transport: &TransportScene<'_>,
     refining: &RefineSettings,

@@ -128,11 +128,9 @@ fn lookup(
     footprint_m2: f32,
     counts: &mut RelightCounts,
 ) -> (u32, u8) {
-    let face = point.face.0 as usize;
-    let [a, b, c] = atlas.corners[face];
     // As stored, so that the checks see what the lookup will.
-    let mut uv = as_stored(a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z);
-    let chart = atlas.chart[face];
+    let mut uv = as_stored(atlas.at(point));
+    let chart = atlas.chart[point.face.0 as usize];
     if !charts.is_pure(uv, 0, chart) {
         let Some(nearest) = charts.nearest(uv, chart) else {
             counts.unmapped += 1;

@@ -7,7 +7,7 @@ use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform, spherical_fibonacci};
 use localprt_formats::sh::{Basis, function_count};
 use localprt_formats::{
-    BakedArrays, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid,
+    BakedArrays, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid, node_at,
 };
 
 /// Relight rays of the bakes here.
@@ -90,7 +90,7 @@ pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
         for _ in 0..n_nodes {
             let level = random(2, near.nodes.len()) % sizes.len() as u32;
             let size = sizes[level as usize];
-            near.nodes.push((level << 28) | (random(3, near.nodes.len()) % (size * size)));
+            near.nodes.push(node_at(level, random(3, near.nodes.len()) % (size * size)));
         }
         for _ in 0..in_tile {
             let count = random(4, receiver) % 6;

@@ -78,6 +78,10 @@ fn does_not_flicker(transport: Transport) {
     eprintln!("with 512 texels and 8000 rays: {of_finer:.5}");
     assert!(of_finer < 0.6 * flicker, "512 texels: {of_finer}, 128: {flicker}");
     assert!(of_finer < 2e-3, "{of_finer}");
+    if transport == Transport::Paper {
+        // Its rows read no near light.
+        return;
+    }
     // Near light reads texels of the map too, and not coarser ones than probes do.
     let near =
         bake(scene("cornell"), &BakeSettings { near_bytes: 32, direct_map: 512, relight_rays: 8000, ..settings });

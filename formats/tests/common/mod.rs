@@ -200,7 +200,7 @@ fn near(seed: u64, metadata: &Metadata, n_receivers: u32) -> NearArrays {
             let level = counter_hash(seed, 21, near.nodes.len() as u64) as u32 % (metadata.direct_size.ilog2() + 1);
             let texels = (metadata.direct_size >> level).pow(2);
             let texel = counter_hash(seed, 22, near.nodes.len() as u64) as u32 % texels;
-            near.nodes.push((level << 28) | texel);
+            near.nodes.push(localprt_formats::node_at(level, texel));
             near.links.push(link);
             let first = near.weights.len();
             near.weights.extend((first..first + n_k).map(|i| counter_hash(seed, 23, i as u64) as i8));

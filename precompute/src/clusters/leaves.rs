@@ -1,5 +1,6 @@
 //! Initial clusters: an AABB tree over the receivers (section 4.1).
 
+use crate::morton;
 use glam::Vec3;
 
 /// Splits the receivers at the median of the longest axis until every leaf holds fewer than `limit`. Leaves in tree order,
@@ -17,9 +18,8 @@ pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
         });
         let size = high - low;
         if members.len() < limit.max(2) {
-            members.sort_by_cached_key(|&member| {
-                (morton((positions[member as usize] - low) / size.max_element()), member)
-            });
+            members
+                .sort_by_cached_key(|&member| (place((positions[member as usize] - low) / size.max_element()), member));
             finished.push(members);
             continue;
         }
@@ -42,12 +42,8 @@ pub fn leaves(positions: &[Vec3], limit: usize) -> Vec<Vec<u32>> {
 }
 
 /// Place of a point of the unit cube on a Morton curve; of no point, the first.
-fn morton(place: Vec3) -> u32 {
-    let spread = |value: f32| {
-        let cell = (value * 1023.0) as u32;
-        (0..10).fold(0, |bits, bit| bits | (cell >> bit & 1) << (3 * bit))
-    };
-    spread(place.x) | spread(place.y) << 1 | spread(place.z) << 2
+fn place(point: Vec3) -> u32 {
+    morton::of_space(point.to_array().map(|value| (value * 1023.0) as u32))
 }
 
 #[cfg(test)]

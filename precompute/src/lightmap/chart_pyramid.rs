@@ -70,21 +70,32 @@ impl ChartPyramid {
         charts[(y * size + x) as usize] == chart
     }
 
-    /// The texel at a coordinate, or the nearest within two that holds the chart's texels.
-    pub fn texel_near(&self, uv: Vec2, chart: u32) -> Option<(u32, u32)> {
+    /// The texel at a coordinate, or the nearest within two, that holds the chart's texels.
+    pub fn texel_near(&self, uv: Vec2, chart: u32) -> Option<[u32; 2]> {
+        let at = self.nearest_texel(uv, chart, 0, &|_| true);
+        at.or_else(|| self.nearest_texel(uv, chart, 2, &|_| true))
+    }
+
+    /// Center of the nearest texel of a chart within four texels whose lookup is pure, as stored.
+    pub fn nearest(&self, uv: Vec2, chart: u32) -> Option<Vec2> {
+        let center = |[x, y]: [u32; 2]| as_stored(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / self.size as f32);
+        self.nearest_texel(uv, chart, 4, &|texel| self.is_pure(center(texel), 0, chart)).map(center)
+    }
+
+    /// The nearest texel of a chart that is good, at most so many texels away along each axis; of several the first by rows.
+    fn nearest_texel(&self, uv: Vec2, chart: u32, reach: i64, is_good: &dyn Fn([u32; 2]) -> bool) -> Option<[u32; 2]> {
         let at = uv * self.size as f32;
-        let last = self.size as i64 - 1;
-        let (cx, cy) = ((at.x.floor() as i64).clamp(0, last), (at.y.floor() as i64).clamp(0, last));
-        if self.is_of(0, cx as u32, cy as u32, chart) {
-            return Some((cx as u32, cy as u32));
-        }
-        let around = |center: i64| (center - 2).max(0)..=(center + 2).min(last);
-        around(cy)
-            .flat_map(|y| around(cx).map(move |x| (x as u32, y as u32)))
-            .filter(|&(x, y)| self.is_of(0, x, y, chart))
+        let last = i64::from(self.size) - 1;
+        let around = |center: f32| {
+            let center = (center.floor() as i64).clamp(0, last);
+            (center - reach).max(0)..=(center + reach).min(last)
+        };
+        around(at.y)
+            .flat_map(|y| around(at.x).map(move |x| [x as u32, y as u32]))
+            .filter(|&[x, y]| self.is_of(0, x, y, chart) && is_good([x, y]))
             .min_by(|a, b| {
-                let distance = |&(x, y): &(u32, u32)| Vec2::new(x as f32 + 0.5, y as f32 + 0.5).distance_squared(at);
-                distance(a).total_cmp(&distance(b))
+                let distance = |[x, y]: [u32; 2]| Vec2::new(x as f32 + 0.5, y as f32 + 0.5).distance_squared(at);
+                distance(*a).total_cmp(&distance(*b))
             })
     }
 
@@ -119,27 +130,5 @@ impl ChartPyramid {
             }
         }
         found
-    }
-
-    /// Center of the nearest texel of a chart within four texels whose lookup is pure, as stored.
-    pub fn nearest(&self, uv: Vec2, chart: u32) -> Option<Vec2> {
-        let (size, charts) = &self.levels[0];
-        let size = i64::from(*size);
-        let at = uv * self.size as f32;
-        let (cx, cy) = (at.x.floor() as i64, at.y.floor() as i64);
-        let mut nearest: Option<(f32, Vec2)> = None;
-        for y in (cy - 4).max(0)..=(cy + 4).min(size - 1) {
-            for x in (cx - 4).max(0)..=(cx + 4).min(size - 1) {
-                if charts[(y * size + x) as usize] == chart {
-                    let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    let distance = center.distance_squared(at);
-                    let center = as_stored(center / self.size as f32);
-                    if nearest.is_none_or(|(held, _)| distance < held) && self.is_pure(center, 0, chart) {
-                        nearest = Some((distance, center));
-                    }
-                }
-            }
-        }
-        nearest.map(|(_, center)| center)
     }
 }

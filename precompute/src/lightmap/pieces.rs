@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 /// How far above the surface neighbors look for each other, over their distance.
 const LIFT: f32 = 0.02;
-/// How far above it they may look around an edge of the surface.
+/// How far above the middle they may look around an edge of the surface, over their distance: around bends of 49 degrees,
+/// where 0.25 cos(x) = 0.5 tan(x), x half of it.
 const AROUND: f32 = 0.25;
 /// No covered texel.
 const NOBODY: u32 = u32::MAX;
@@ -101,4 +102,64 @@ fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> b
     let (from, to) = (a.0 + lift * a.1, b.0 + lift * b.1);
     let middle = 0.5 * (a.0 + b.0) + 0.5 * (a.1 + b.1) * (AROUND * distance).max(lift);
     caster.visible(from, to) || (caster.visible(from, middle) && caster.visible(middle, to))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::{plane, scene};
+    use super::super::{Atlas, texels};
+    use super::*;
+    use glam::Vec2;
+    use localprt_scenes::{Mesh, Scene};
+
+    const SIZE: u32 = 64;
+
+    /// A floor of 4 x 4 m over the whole map, and something on it.
+    fn pieces(mut floor: Mesh, others: Vec<Mesh>) -> Pieces {
+        floor.uv_sets = vec![Vec::new(), floor.positions.iter().map(|at| Vec2::new(at.x, at.z) / 4.0).collect()];
+        let mut meshes = vec![floor];
+        meshes.extend(others);
+        let scene: Scene = scene(meshes);
+        Pieces::of(&RayCaster::new(&scene).expect("tree"), &texels::cover(&scene, &Atlas::of(&scene), SIZE))
+    }
+
+    fn floor(columns: u32) -> Mesh {
+        plane("floor", Vec3::ZERO, 4.0 * Vec3::X, 4.0 * Vec3::Z, columns, 1)
+    }
+
+    #[test]
+    fn an_open_floor_is_one_piece_on_every_level() {
+        let pieces = pieces(floor(1), Vec::new());
+        let levels = SIZE.ilog2();
+        assert!((0..=levels).all(|level| (0..(SIZE >> level).pow(2)).all(|texel| pieces.is_one(level, texel))));
+    }
+
+    #[test]
+    fn a_wall_parts_the_texels_on_its_two_sides_and_no_others() {
+        // Between the centers of columns 24 and 25, at 1.531 and 1.594 m: column 12 of level 1 holds both.
+        let wall = plane("wall", Vec3::new(1.57, -0.1, -0.1), 4.2 * Vec3::Z, Vec3::Y, 1, 1);
+        let parted = pieces(floor(1), vec![wall]);
+        for (level, column) in [(1, 12), (2, 6), (3, 3), (4, 1), (5, 0), (6, 0)] {
+            let size = SIZE >> level;
+            for texel in 0..size * size {
+                assert_eq!(parted.is_one(level, texel), texel % size != column, "level {level}, texel {texel}");
+            }
+        }
+        // A wall that ends in the middle of the floor can be walked around.
+        let short = plane("wall", Vec3::new(1.57, -0.1, -0.1), 2.1 * Vec3::Z, Vec3::Y, 1, 1);
+        let around = pieces(floor(1), vec![short]);
+        assert!(around.is_one(6, 0) && !around.is_one(3, 3) && around.is_one(3, 7 * 8 + 3));
+    }
+
+    #[test]
+    fn a_bent_surface_is_one_piece() {
+        // A ridge of 44 degrees along z, and a valley: slopes of 0.4.
+        for height in [0.4, -0.4] {
+            let mut bent = floor(4);
+            for at in &mut bent.positions {
+                at.y = height * (2.0 - (at.x - 2.0).abs());
+            }
+            assert!(pieces(bent, Vec::new()).is_one(6, 0), "height {height}");
+        }
+    }
 }

@@ -25,6 +25,8 @@ use crate::{
     voxels::{VoxelGrid, grid_points, spacing_for},
 };
 use glam::Vec3;
+use point_grid::PointGrid;
+use rayon::prelude::*;
 
 /// Most probes of a bake. A probe costs 8000 relight rays, so this is far above what a scene can use; it stops a
 /// spacing in the wrong unit.
@@ -40,6 +42,22 @@ pub struct ProbeSet {
     pub positions: Vec<Vec3>,
     /// Support radius r of all probes, metres: mean overlap over the receivers as asked.
     pub radius_m: f32,
+}
+
+impl ProbeSet {
+    /// `[n_probes]` distance to the nearest other probe, metres; of a single probe half of the support radius.
+    pub fn nearest_m(&self) -> Vec<f32> {
+        if self.positions.len() < 2 {
+            return vec![0.5 * self.radius_m; self.positions.len()];
+        }
+        let grid = PointGrid::new(&self.positions, 0.5 * self.radius_m);
+        let nearest = |distances: &mut Vec<f32>, &place: &Vec3| {
+            // The nearest of all is the probe itself.
+            grid.nearest(place, 2, distances);
+            distances[1]
+        };
+        self.positions.par_iter().map_init(Vec::new, nearest).collect()
+    }
 }
 
 /// Supporting probes of every receiver, and the radius each receiver sees them with.

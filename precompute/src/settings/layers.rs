@@ -142,7 +142,8 @@ impl BakeSettings {
     }
 
     /// The options that a baked file was made with, from the text in its metadata. Files from before rows were fitted do not
-    /// name their transport: it is the paper's. Those from before budgets do not name their density: it is even.
+    /// name their transport: it is the paper's. Those from before budgets do not name their density: it is even. Those from
+    /// before near light have none.
     ///
     /// # Errors
     /// [`SettingsError`], its layer the options of the bake.
@@ -152,6 +153,7 @@ impl BakeSettings {
         for (key, before) in [("transport", "paper"), ("density", "uniform")] {
             options.entry(key).or_insert_with(|| Value::String(before.into()));
         }
+        options.entry("near_bytes").or_insert(Value::Integer(0));
         options.remove("fill");
         Self::resolve(Preset::Production, Some((layer, &options.to_string())), &Table::new())
     }
@@ -263,7 +265,7 @@ mod tests {
     fn files_of_earlier_versions_have_the_papers_transport_and_an_even_density() {
         let settings = BakeSettings::of_file("probe_degree = 4").expect("valid");
         assert_eq!((settings.transport, settings.probe_degree), (Transport::Paper, 4));
-        assert_eq!(settings.density, Density::Uniform);
+        assert_eq!((settings.density, settings.near_bytes), (Density::Uniform, 0));
         BakeSettings::of_file("lightmap = 256\nfill = 0.13").expect("options of an earlier version");
         let settings = BakeSettings::of_file(&BakeSettings::default().to_toml()).expect("valid");
         assert_eq!(settings, BakeSettings::default());

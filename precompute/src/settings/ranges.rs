@@ -106,6 +106,7 @@ mod tests {
         let refused = |settings: BakeSettings| settings.check().expect_err("to be refused").key;
         let settings = BakeSettings::default;
         assert_eq!(refused(BakeSettings { gather_rays: 0, ..settings() }), "gather_rays");
+        assert_eq!(refused(BakeSettings { near_bytes: 1001, ..settings() }), "near_bytes");
         assert_eq!(refused(BakeSettings { spacing: Some(0.0), ..settings() }), "spacing");
         assert_eq!(refused(BakeSettings { texel: Some(f32::INFINITY), ..settings() }), "texel");
         assert_eq!(refused(BakeSettings { overlap: f32::NAN, ..settings() }), "overlap");

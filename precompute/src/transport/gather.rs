@@ -1,5 +1,6 @@
 //! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
+use crate::morton;
 use glam::Vec3;
 use localprt_formats::{directions, sh};
 use std::f32::consts::PI;
@@ -52,7 +53,7 @@ impl GatherSet {
         // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
         directions.sort_by_cached_key(|direction| {
             // Of a sphere, the upper half first.
-            (direction.z < 0.0, morton(*direction), direction.z.to_bits(), direction.x.to_bits())
+            (direction.z < 0.0, place(*direction), direction.z.to_bits(), direction.x.to_bits())
         });
         Self { directions, domain, receiver_degree }
     }
@@ -120,10 +121,6 @@ impl GatherSet {
 }
 
 /// Place of a direction about +Z on a Morton curve over the disc below it.
-fn morton(direction: Vec3) -> u64 {
-    let spread = |value: f32| {
-        let cell = ((value * 0.5 + 0.5) * 1023.0) as u64;
-        (0..10).fold(0, |bits, bit| bits | ((cell >> bit & 1) << (2 * bit)))
-    };
-    spread(direction.x) | (spread(direction.y) << 1)
+fn place(direction: Vec3) -> u32 {
+    morton::of_plane([direction.x, direction.y].map(|value| ((value * 0.5 + 0.5) * 1023.0) as u32))
 }

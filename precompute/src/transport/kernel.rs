@@ -239,19 +239,25 @@ pub(super) fn receiver_rows(
             look.up(ray, 1.0, workspace, true);
             continue;
         };
-        let Some(hit) = near.hit(caster.scene(), &ray.hit, look.share(ray), index as u32) else {
-            look.up(ray, 1.0, workspace, true);
-            continue;
-        };
         ray.linked = near.share(receiver, ray.hit.t);
         let mut is_seen = true;
         if ray.linked < 1.0 && !look.up(ray, 1.0 - ray.linked, workspace, false) {
             ray.linked = 1.0;
             is_seen = false;
         }
-        if ray.linked > 0.0 {
-            let times = near.urgency(receiver, ray.hit.t, is_seen);
-            workspace.near.push(hit.weighted(ray.linked * ray.brings, times));
+        if ray.linked <= 0.0 {
+            continue;
+        }
+        match near.hit(caster.scene(), &ray.hit, look.share(ray), index as u32) {
+            Some(hit) => {
+                let times = near.urgency(receiver, ray.hit.t, is_seen);
+                workspace.near.push(hit.weighted(ray.linked * ray.brings, times));
+            }
+            None => {
+                // The map has no texel there.
+                let left = std::mem::take(&mut ray.linked);
+                look.up(ray, left, workspace, true);
+            }
         }
     }
     workspace.links.clear();

@@ -21,10 +21,11 @@
 use super::{TransportScene, kernel};
 use crate::{
     lightmap::{Atlas, ChartPyramid, Pieces, TexelMap},
-    probes::{ProbeSet, Support, point_grid::PointGrid},
+    morton,
+    probes::{ProbeSet, Support},
     rays::{RayCaster, SurfaceHit},
 };
-use localprt_formats::{NEAR_NODES, NEAR_TILE, NearTile};
+use localprt_formats::{NEAR_NODES, NEAR_TILE, NearTile, node_at};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -43,9 +44,10 @@ const UNSEEN: f32 = 4.0;
 const LEAST: f32 = 1e-3;
 /// Most links of a receiver: a file counts them in a byte.
 const MOST: usize = 255;
-/// Receivers that the least gain is found on, at most, and one in so many.
-const SAMPLE: usize = 512;
+/// The least gain is found on one in so many receivers, but at least and at most on this number.
 const SAMPLED_ONE_IN: usize = 50;
+const LEAST_SAMPLE: usize = 64;
+const SAMPLE: usize = 512;
 /// Nodes of a tile over its links, as it is in furnished rooms and in level scenes.
 const NODES_PER_LINK: f32 = 0.55;
 
@@ -63,7 +65,7 @@ pub struct NearField {
     least: f32,
 }
 
-/// Address of a texel of a mip level: the level in the upper 4 bits, `y * size + x` below.
+/// Address of a texel of a mip level: [`node_at`].
 pub type Node = u32;
 
 /// A place that a ray meets and whose light may be read from the map.
@@ -99,7 +101,7 @@ impl NearHit {
 impl NearField {
     /// Of the light map that `atlas` lays out and that covers `map`; every node that may be read is.
     pub fn new(caster: &RayCaster<'_>, atlas: Atlas, map: &TexelMap, probes: &ProbeSet, support: &Support) -> Self {
-        let spacing = nearest_m(probes);
+        let spacing = probes.nearest_m();
         let reach_m = (0..support.radius_m.len())
             .map(|receiver| {
                 let of = support.of(receiver);
@@ -115,7 +117,7 @@ impl NearField {
     /// on a sample of the receivers of `scene`.
     pub fn within(self, bytes: f32, scene: &TransportScene<'_>) -> Self {
         let n_receivers = scene.receivers.len();
-        let count = SAMPLE.min(n_receivers.div_ceil(SAMPLED_ONE_IN));
+        let count = (n_receivers / SAMPLED_ONE_IN).clamp(LEAST_SAMPLE, SAMPLE).min(n_receivers);
         let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
         let of_receiver = |index: usize| {
             let mut workspace = kernel::Workspace::default();
@@ -149,9 +151,9 @@ impl NearField {
     pub(super) fn hit(&self, scene: &Scene, hit: &SurfaceHit, share: f32, ray: u32) -> Option<NearHit> {
         let point = hit.point?;
         let chart = self.atlas.chart[point.face.0 as usize];
-        let (x, y) = self.charts.texel_near(self.atlas.at(&point), chart)?;
+        let texel = self.charts.texel_near(self.atlas.at(&point), chart)?;
         let texel_m = self.charts.texel_m2(scene, &self.atlas, &point).sqrt();
-        Some(NearHit { chart, place: morton(x, y), texel_m, distance_m: hit.t, gain: share, ray })
+        Some(NearHit { chart, place: morton::of_plane(texel), texel_m, distance_m: hit.t, gain: share, ray })
     }
 
     /// The nodes that a receiver reads, and its hits that are left to the probes. Sorts the hits.
@@ -173,14 +175,14 @@ impl NearField {
 
     fn cut_node(&self, level: u32, all: &[NearHit], range: Range<usize>, nodes: &mut Vec<NodeHits>) {
         let hits = &all[range.clone()];
-        let (x, y) = unmorton(hits[0].place >> (2 * level));
+        let [x, y] = morton::to_plane(hits[0].place >> (2 * level));
         let sum = |of: fn(&NearHit) -> f32| hits.iter().map(of).sum::<f32>();
         let edge_m = sum(|hit| hit.texel_m) * (1u32 << level) as f32;
         let is_small = edge_m <= ANGLE * sum(|hit| hit.distance_m);
         let texel = y * self.charts.level_size(level) + x;
         let is_whole = || self.charts.is_of(level, x, y, hits[0].chart) && self.pieces.is_one(level, texel);
         if level == 0 || is_small && is_whole() {
-            let node = (level << 28) | texel;
+            let node = node_at(level, texel);
             nodes.push(NodeHits { node, gain: sum(|hit| hit.gain), hits: range });
             return;
         }
@@ -195,29 +197,6 @@ impl NearField {
 
 /// Most nodes of a tile hold what one receiver reads.
 const _: () = assert!(MOST < NEAR_NODES as usize);
-
-fn morton(x: u32, y: u32) -> u32 {
-    (0..14).fold(0, |bits, bit| bits | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
-}
-
-fn unmorton(place: u32) -> (u32, u32) {
-    let gather = |shift: u32| (0..14).fold(0, |bits, bit| bits | (place >> (2 * bit + shift) & 1) << bit);
-    (gather(0), gather(1))
-}
-
-/// Distance from each probe to the nearest other, metres; of a single probe half of its support radius.
-fn nearest_m(probes: &ProbeSet) -> Vec<f32> {
-    if probes.positions.len() < 2 {
-        return vec![0.5 * probes.radius_m; probes.positions.len()];
-    }
-    let grid = PointGrid::new(&probes.positions, 0.5 * probes.radius_m);
-    let mut distances = Vec::new();
-    let nearest = |&place| {
-        grid.nearest(place, 2, &mut distances);
-        distances[1]
-    };
-    probes.positions.iter().map(nearest).collect()
-}
 
 #[cfg(test)]
 mod tests {
@@ -251,7 +230,10 @@ mod tests {
             let chart = u32::from(counter_hash(5, 2, i).is_multiple_of(3));
             NearHit {
                 chart,
-                place: morton(if chart == 0 { x } else { 41 + x % 23 }, counter_hash(5, 1, i) as u32 % SIZE),
+                place: morton::of_plane([
+                    if chart == 0 { x } else { 41 + x % 23 },
+                    counter_hash(5, 1, i) as u32 % SIZE,
+                ]),
                 texel_m: 0.05,
                 distance_m: distance_m(i),
                 gain: 0.5 / count as f32,
@@ -259,14 +241,6 @@ mod tests {
             }
         };
         (0..count).map(hit).collect()
-    }
-
-    #[test]
-    fn places_on_the_curve_are_texels() {
-        for i in 0..1000 {
-            let (x, y) = (counter_hash(1, 0, i) as u32 % 16384, counter_hash(1, 1, i) as u32 % 16384);
-            assert_eq!(unmorton(morton(x, y)), (x, y));
-        }
     }
 
     #[test]
@@ -282,7 +256,7 @@ mod tests {
             found.extend(of_node.iter().map(|hit| hit.ray));
             let size = SIZE >> level;
             for hit in of_node {
-                let (x, y) = unmorton(hit.place);
+                let [x, y] = morton::to_plane(hit.place);
                 assert_eq!((y >> level) * size + (x >> level), texel);
             }
             assert!((gain - of_node.len() as f32 * 0.5 / 200.0).abs() < 1e-6);

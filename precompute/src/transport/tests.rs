@@ -1,7 +1,8 @@
 //! Closed forms of transport rows.
 
 use super::*;
-use glam::Vec3;
+use crate::lightmap::{Atlas, texels};
+use glam::{Vec2, Vec3};
 use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
 use localprt_scenes::{Material, Mesh, Scene};
 use std::f32::consts::PI;
@@ -66,6 +67,25 @@ impl Setup {
         })
     }
 
+    /// Rows with near light of so many bytes a receiver, read from a map of `size` texels over a scene with TEXCOORD_1.
+    fn rows_with_near_light(
+        &self,
+        scene: &Scene,
+        gather: &GatherSet,
+        fitted: bool,
+        size: u32,
+        bytes: f32,
+    ) -> TransportRows {
+        self.with(scene, gather, [3, 0], fitted, |transport, members| {
+            let atlas = Atlas::of(scene);
+            let map = texels::cover(scene, &atlas, size);
+            let near = NearField::new(transport.caster, atlas, &map, transport.probes, transport.support);
+            let near = near.within(bytes, transport);
+            let transport = TransportScene { near: Some(&near), ..*transport };
+            transport.rows(&transport.leaf(members), members)
+        })
+    }
+
     /// What `look` finds in the transport stage, with fitted rows or the paper's, and all receivers. `degrees` are those of
     /// the probes and of the sky.
     pub(super) fn with<T>(
@@ -79,7 +99,7 @@ impl Setup {
         let caster = RayCaster::new(scene).expect("tree");
         let members: Vec<u32> = (0..self.receivers.len() as u32).collect();
         let [probe_basis, sky_basis] = degrees.map(sh::Basis::new);
-        let atlas = crate::lightmap::Atlas::default();
+        let atlas = Atlas::default();
         let fit =
             fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
         let transport = TransportScene {
@@ -135,6 +155,55 @@ fn constant_radiance_gives_pi_times_the_seen_share_at_every_degree() {
 
 fn function_count(degree: u32) -> usize {
     sh::function_count(degree)
+}
+
+#[test]
+fn rows_and_links_share_constant_radiance_between_them() {
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let mut scene = room(half, None);
+    // A cell of a grid of 3 x 2 for each wall.
+    let cell = |vertex: usize| {
+        let (wall, corner) = (vertex / 4, vertex % 4);
+        let within = Vec2::new((corner % 2) as f32, (corner / 2) as f32) * 0.8 + 0.1;
+        (Vec2::new((wall % 3) as f32, (wall / 3) as f32) + within) * Vec2::new(1.0 / 3.0, 0.5)
+    };
+    scene.meshes[0].uv_sets = vec![Vec::new(), (0..24).map(cell).collect()];
+    // One in a corner, where all is near; others where light fades from links to probes.
+    let mut receivers = some_receivers(half).to_vec();
+    receivers.push((Vec3::new(-0.97, -1.0, -0.97) * half, Vec3::Y));
+    let setup = Setup::new(&receivers, &some_probes(12, half), 8.0);
+    for (degree, fitted) in [(0, false), (0, true), (1, true)] {
+        let gather = GatherSet::new(512, degree, 0);
+        let with = |bytes| setup.rows_with_near_light(&scene, &gather, fitted, 128, bytes);
+        let count = |rows: &TransportRows| rows.links.iter().map(|links| links.nodes.len()).sum::<usize>();
+        let all = [0.0, 40.0, 1000.0].map(with);
+        let counts = all.each_ref().map(count);
+        assert!(counts[0] == 0 && counts[1] > 0 && counts[2] > counts[1], "{counts:?}");
+        let alone = setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
+            transport.rows(&transport.leaf(members), members)
+        });
+        for rows in &all {
+            for (member, links) in rows.links.iter().enumerate() {
+                // Radiance 1: sqrt(4 pi) in the first function of each probe, 1 in each node.
+                let output = |rows: &TransportRows, k: usize| {
+                    let row = &rows.rows[(member * rows.n_k + k) * rows.n_columns..][..rows.n_columns];
+                    row.chunks_exact(16).take(12).map(|probe| probe[0]).sum::<f32>() * (4.0 * PI).sqrt()
+                };
+                for k in 0..rows.n_k {
+                    let linked: f32 = links.weights.iter().skip(k).step_by(rows.n_k).sum();
+                    let (found, expected) = (output(rows, k) + linked, output(&alone, k));
+                    // The paper's rows give the same; fitted ones keep constant light to a percent of the usual.
+                    let allowed = if fitted { 0.01 * PI } else { 1e-4 };
+                    assert!((found - expected).abs() < allowed, "degree {degree} output {k}: {found} {expected}");
+                }
+                assert!(rows.unseen[member] <= alone.unseen[member] + 1e-6);
+            }
+        }
+        // In the corner most comes from the map.
+        let corner: f32 = all[2].links[3].weights.iter().step_by(all[2].n_k).sum();
+        let total = if degree == 0 { PI } else { PI.sqrt() };
+        assert!(corner > 0.5 * total, "{corner} of {total}");
+    }
 }
 
 #[test]

@@ -274,8 +274,7 @@ impl<'a> Leg<'a> {
     /// Reflected light of the gather before, with the albedo as the feedback limits it.
     fn reflected_earlier(&self, hit: &SurfaceHit) -> Vec3 {
         let (Some(face), Some(_)) = (hit.point, &self.lit.previous) else { return Vec3::ZERO };
-        let [a, b, c] = self.subject.atlas.corners[face.face.0 as usize];
-        let uv = a * face.barycentrics.x + b * face.barycentrics.y + c * face.barycentrics.z;
+        let uv = self.subject.atlas.at(&face);
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
         albedo.min(Vec3::splat(DEFAULT_FEEDBACK_ALBEDO_CAP)) / PI * self.lit.previous_irradiance(uv)
     }

@@ -10,6 +10,7 @@ use crate::{
     relight::{SkyInputs, sky_inputs, surface_texels},
 };
 use glam::{Vec2, Vec3};
+use localprt_formats::node_level_and_texel;
 use localprt_runtime::passes::probe_relight::probe_relight;
 use localprt_runtime::{CoverageMap, CpuRelighter, RelightError, RelightInputs, Relit};
 use localprt_scenes::Lighting;
@@ -34,7 +35,8 @@ pub struct Lit {
 impl Lit {
     /// Mean radiance of the covered texels of a node of the light map.
     pub fn node(&self, node: u32) -> Vec3 {
-        self.light_map[(node >> 28) as usize].color((node & 0x0fff_ffff) as usize)
+        let (level, texel) = node_level_and_texel(node);
+        self.light_map[level as usize].color(texel as usize)
     }
 
     /// Indirect irradiance that the last gather reads at a lightmap coordinate.

@@ -86,9 +86,6 @@ const RIDGE: f32 = 2e-4;
 /// Points of what emits that every receiver looks for.
 const EMITTER_SAMPLES: u32 = 256;
 
-/// Probes whose nearest neighbors are looked for.
-const SPACING_SAMPLE: usize = 1024;
-
 /// What rows are fitted with; the same for all leaves of a bake.
 pub struct FitScene {
     /// Median distance from a probe to the nearest other, metres.
@@ -458,24 +455,9 @@ fn emitter_sample(emitters: &Emitters, index: u32) -> (FaceId, Vec3) {
     emitters.sample(which, place)
 }
 
-/// Median distance from a probe to the nearest other, metres, over an even sample of the probes; of a single probe half of its
-/// support radius.
+/// Median distance from a probe to the nearest other, metres; of a single probe half of its support radius.
 fn spacing(probes: &ProbeSet) -> f32 {
-    let positions = &probes.positions;
-    if positions.len() < 2 {
-        return 0.5 * probes.radius_m;
-    }
-    let sampled = positions.len().min(SPACING_SAMPLE);
-    let nearest = |rank: usize| {
-        let index = rank * positions.len() / sampled;
-        positions
-            .iter()
-            .enumerate()
-            .filter(|(other, _)| *other != index)
-            .map(|(_, other)| other.distance(positions[index]))
-            .fold(f32::INFINITY, f32::min)
-    };
-    let mut distances: Vec<f32> = (0..sampled).into_par_iter().map(nearest).collect();
+    let mut distances = probes.nearest_m();
     distances.sort_unstable_by(f32::total_cmp);
-    distances[distances.len() / 2].max(f32::MIN_POSITIVE)
+    distances.get(distances.len() / 2).copied().unwrap_or(0.5 * probes.radius_m).max(f32::MIN_POSITIVE)
 }
