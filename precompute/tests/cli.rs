@@ -96,7 +96,7 @@ fn printed_settings_read_back_to_the_same() {
     let first = run(&[&["bake", "--print-config"], &flags[..]].concat());
     assert_eq!((code(&first), stderr(&first).as_str()), (0, ""));
     let text = stdout(&first);
-    for line in ["gather_rays = 256", "spacing = 0.3", "threshold = 0.005", "seed = 42", "unwrap = \"xatlas\""] {
+    for line in ["gather_rays = 512", "spacing = 0.3", "threshold = 0.005", "seed = 42", "unwrap = \"xatlas\""] {
         assert!(text.lines().any(|held| held == line), "{line} is not in\n{text}");
     }
     let config = path(folder.path(), "bake.toml");

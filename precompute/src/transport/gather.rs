@@ -5,6 +5,11 @@ use glam::Vec3;
 use localprt_formats::{directions, sh};
 use std::f32::consts::PI;
 
+/// One in so many rays is looked up in all supporting probes (Eq. 4). Of the others a fitted row needs to know only what they meet,
+/// and whether any probe sees it: the correction (F3) takes out most of what few looked-up rays get wrong, and visibility
+/// rays to all probes are most of the cost of a ray.
+const LOOKED_UP_ONE_IN: u32 = 4;
+
 /// Which directions a set holds, and what the outputs measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Domain {
@@ -23,6 +28,8 @@ pub enum Domain {
 #[derive(Clone, Debug)]
 pub struct GatherSet {
     directions: Vec<Vec3>,
+    /// `[n]` whether a fitted row looks the ray up in all probes.
+    looked_up: Vec<bool>,
     domain: Domain,
     receiver_degree: u32,
 }
@@ -48,14 +55,16 @@ impl GatherSet {
             Domain::Hemisphere => directions::uniform_hemisphere,
             Domain::Sphere => directions::uniform_sphere,
         };
-        let mut directions: Vec<Vec3> =
-            (0..n).map(|i| Vec3::from(map(directions::fibonacci_square(i, n, shift)))).collect();
+        let mut rays: Vec<(Vec3, bool)> = (0..n)
+            .map(|i| (Vec3::from(map(directions::fibonacci_square(i, n, shift))), i.is_multiple_of(LOOKED_UP_ONE_IN)))
+            .collect();
         // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
-        directions.sort_by_cached_key(|direction| {
+        rays.sort_by_cached_key(|(direction, _)| {
             // Of a sphere, the upper half first.
             (direction.z < 0.0, place(*direction), direction.z.to_bits(), direction.x.to_bits())
         });
-        Self { directions, domain, receiver_degree }
+        let (directions, looked_up) = rays.into_iter().unzip();
+        Self { directions, looked_up, domain, receiver_degree }
     }
 
     /// Which directions these are.
@@ -66,6 +75,24 @@ impl GatherSet {
     /// Directions, about +Z or in world axes.
     pub fn directions(&self) -> &[Vec3] {
         &self.directions
+    }
+
+    /// `[n]` which rays a fitted row looks up in all probes.
+    pub fn looked_up(&self) -> &[bool] {
+        &self.looked_up
+    }
+
+    /// Rays over those that a fitted row looks up.
+    pub fn rays_per_look_up(&self) -> f32 {
+        self.directions.len() as f32 / self.looked_up.iter().filter(|&&is| is).count().max(1) as f32
+    }
+
+    /// Those rays alone.
+    #[cfg(test)]
+    pub fn of_looked_up(&self) -> Self {
+        let rays = self.directions.iter().zip(&self.looked_up).filter(|(_, is)| **is);
+        let (directions, looked_up) = rays.map(|(&direction, &is)| (direction, is)).unzip();
+        Self { directions, looked_up, ..*self }
     }
 
     /// Outputs per receiver, n_k.

@@ -56,6 +56,8 @@ struct Ray {
     linked: f32,
     /// It was sent to a point of what emits.
     to_emitter: bool,
+    /// It is looked up in all probes; of another one it is enough to know that one sees what it meets.
+    looked_up: bool,
 }
 
 /// What the rays of a receiver found, for the fit.
@@ -197,7 +199,7 @@ pub(super) fn receiver_rows(
     let mut rays = RayCounts::default();
     // What the rays meet.
     workspace.rays.clear();
-    for local in gather.directions() {
+    for (local, &looked_up) in gather.directions().iter().zip(gather.looked_up()) {
         let dir = tangent * local.x + bitangent * local.y + axis * local.z;
         // In the open there is no horizon.
         if gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
@@ -212,7 +214,8 @@ pub(super) fn receiver_rows(
         // The back of a one-sided surface is black.
         let Some(point) = hit.point else { continue };
         let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal))));
-        workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: false });
+        let looked_up = looked_up || scene.fit.is_none();
+        workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
     }
     if let Some(fit) = scene.fit {
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
@@ -225,10 +228,19 @@ pub(super) fn receiver_rows(
             rays.gather += 1;
             let Some((hit, brings)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
-            workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: true });
+            workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: true, looked_up: false });
         }
     }
-    let mut look = LookUp { scene, normal, receiver_basis: &receiver_basis, probes: &probes, unseen: 0.0, rays };
+    let mut look = LookUp {
+        scene,
+        normal,
+        receiver_basis: &receiver_basis,
+        probes: &probes,
+        stands_for: if scene.fit.is_some() { gather.rays_per_look_up() } else { 1.0 },
+        saw_last: 0,
+        unseen: 0.0,
+        rays,
+    };
 
     // What is near is read from the light map, and so is what no probe sees; the probes have the rest.
     let mut all = std::mem::take(&mut workspace.rays);
@@ -314,6 +326,10 @@ struct LookUp<'a> {
     receiver_basis: &'a sh::Basis,
     /// Place and weight kernel of each supporting probe.
     probes: &'a [(Vec3, f32)],
+    /// How many rays one that is looked up in all probes stands for.
+    stands_for: f32,
+    /// The probe that saw what a ray met last, which will see what the next one meets.
+    saw_last: usize,
     /// Cosine-weighted share of directions whose light is lost.
     unseen: f64,
     rays: RayCounts,
@@ -331,12 +347,14 @@ impl LookUp<'_> {
         let Self { scene, probes, .. } = *self;
         let caster = scene.caster;
         let share = part * self.share(ray);
-        let Ray { dir, hit, point, brings, to_emitter, .. } = *ray;
+        let Ray { dir, hit, point, brings, to_emitter, looked_up, .. } = *ray;
         // V_i: the probe sees that side of that point.
         let seen_point = hit.position + hit.normal * caster.offset_m();
         workspace.visible.clear();
         let mut sum = 0.0;
-        for (slot, &(probe, weight)) in probes.iter().enumerate() {
+        let first = if looked_up { 0 } else { self.saw_last };
+        for slot in (first..probes.len()).chain(0..first) {
+            let (probe, weight) = probes[slot];
             let way = probe - hit.position;
             if weight <= 0.0 || way.dot(hit.normal) <= caster.offset_m() {
                 continue;
@@ -344,14 +362,14 @@ impl LookUp<'_> {
             self.rays.visibility += 1;
             if caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot]) {
                 sum += weight;
-                if to_emitter {
-                    // One is enough to know that it is seen.
+                self.saw_last = slot;
+                if !looked_up {
                     break;
                 }
                 workspace.visible.push((slot as u32, -way.normalize()));
             }
         }
-        let is_seen = if to_emitter { sum > 0.0 } else { sum > LEAST_WEIGHT };
+        let is_seen = sum > if looked_up { LEAST_WEIGHT } else { 0.0 };
         if !is_seen && !is_last {
             return false;
         }
@@ -373,11 +391,19 @@ impl LookUp<'_> {
             self.unseen += f64::from(share);
             return false;
         }
+        if !looked_up {
+            return true;
+        }
         for &(slot, psi) in &workspace.visible {
             let slot = slot as usize;
-            workspace.found.seen_weights[slot] += share;
+            workspace.found.seen_weights[slot] += self.stands_for * share;
             // Eq. (4): w_i V_i / sum_k w_k V_k, times Y_j(psi_i) when the batch is evaluated.
-            workspace.batches[slot].push(psi, probes[slot].1 / sum, &workspace.weights, scene.probe_basis);
+            workspace.batches[slot].push(
+                psi,
+                self.stands_for * probes[slot].1 / sum,
+                &workspace.weights,
+                scene.probe_basis,
+            );
         }
         true
     }
