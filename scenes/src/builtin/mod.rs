@@ -1,10 +1,11 @@
 //! Scenes built in code, for tests, first steps and closed forms. World space in metres, +Y up, linear colors.
 //!
 //! Walls of rooms are single-sided and face inwards: from outside they are invisible to a camera and black to light. Only
-//! `room-on-plain` and `atrium` have walls with two sides.
+//! `room-on-plain`, `blinds` and `atrium` have walls with two sides.
 //! None of the scenes has lightmap coordinates; the bake unwraps them.
 
 mod atrium;
+mod blinds;
 mod cornell;
 mod furnace;
 mod plane;
@@ -22,7 +23,7 @@ use glam::{Mat4, Vec3};
 
 /// Names of all built-in scenes, the first one being the one to start with.
 pub fn names() -> &'static [&'static str] {
-    &["cornell", "furnace", "two-rooms", "two-rooms-door", "atrium", "room-on-plain", "sphere", "plane"]
+    &["cornell", "furnace", "two-rooms", "two-rooms-door", "atrium", "room-on-plain", "blinds", "sphere", "plane"]
 }
 
 /// Builds a scene; `None` for a name that is not in [`names`]. `two-rooms:doorway` is another name of `two-rooms-door`.
@@ -34,6 +35,7 @@ pub fn scene(name: &str) -> Option<Scene> {
         "two-rooms-door" | "two-rooms:doorway" => two_rooms::build(true),
         "atrium" => atrium::build(),
         "room-on-plain" => room_on_plain::build(),
+        "blinds" => blinds::build(),
         "sphere" => sphere::build(),
         "plane" => plane::build(),
         _ => return None,
