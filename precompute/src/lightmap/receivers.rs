@@ -74,7 +74,7 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
         receiver_at[texel as usize] = receiver as u32;
     }
     set.gutters = gutters::fill(&map, &set, &receiver_at);
-    set.seams = seams::pair(scene, atlas, &set, &receiver_at);
+    set.seams = seams::pair(caster, atlas, &set, &receiver_at);
     Some(set)
 }
 

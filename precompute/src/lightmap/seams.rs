@@ -1,6 +1,7 @@
 //! Receivers that face each other across a chart border, so that their light can be made to agree.
 
 use super::{Atlas, NO_RECEIVER, ReceiverSet};
+use crate::rays::RayCaster;
 use glam::{Vec2, Vec3};
 use localprt_scenes::Scene;
 use rayon::prelude::*;
@@ -12,13 +13,20 @@ const SAME_PLACE: f32 = 1e-6;
 const SMOOTH: f32 = 0.866_025_4;
 /// More faces than this at one edge are no surface.
 const MOST_FACES: usize = 8;
+/// Receivers look for each other this far above the surface, over their distance.
+const LIFT: f32 = 0.3;
 /// A receiver stands for a point of the seam up to this many texels away (a texel's diagonal, and some).
 const REACH: f32 = 1.5;
 
-/// Pairs of receivers on the two sides of an edge that faces share in space but not in the map; smaller index first,
-/// sorted, unique.
-pub(super) fn pair(scene: &Scene, atlas: &Atlas, receivers: &ReceiverSet, receiver_at: &[u32]) -> Vec<(u32, u32)> {
-    let edges = edges(scene, atlas);
+/// Pairs of receivers on the two sides of an edge that faces share in space but not in the map, where nothing stands between
+/// them; smaller index first, sorted, unique.
+pub(super) fn pair(
+    caster: &RayCaster<'_>,
+    atlas: &Atlas,
+    receivers: &ReceiverSet,
+    receiver_at: &[u32],
+) -> Vec<(u32, u32)> {
+    let edges = edges(caster.scene(), atlas);
     let groups: Vec<&[Edge]> = edges.chunk_by(|a, b| a.ends == b.ends).filter(|group| group.len() > 1).collect();
     let finder = Finder { atlas, receivers, receiver_at };
     let mut pairs: Vec<(u32, u32)> = groups
@@ -38,7 +46,13 @@ pub(super) fn pair(scene: &Scene, atlas: &Atlas, receivers: &ReceiverSet, receiv
         .collect();
     pairs.par_sort_unstable();
     pairs.dedup();
-    pairs
+    let sees = |&(a, b): &(u32, u32)| {
+        let [a, b] = [a, b].map(|receiver| receiver as usize);
+        let lift_m = LIFT * receivers.position[a].distance(receivers.position[b]) + caster.offset_m();
+        let above = |receiver: usize| receivers.position[receiver] + receivers.geometric_normal[receiver] * lift_m;
+        caster.visible(above(a), above(b))
+    };
+    pairs.into_par_iter().filter(sees).collect()
 }
 
 /// An edge of a face, from the lower vertex (after welding) to the higher one.

@@ -22,12 +22,19 @@ fn of_texel(texel_m: f32) -> LayoutSize {
     LayoutSize { texels: 1 << 22, lightmap: None, finest_m: Some(texel_m) }
 }
 
+/// Charts of even density that end at no walls.
+fn even(scale: &LocalScale) -> Wanted<'_> {
+    const NO_WALLS: &cut::Walls = &cut::Walls::NONE;
+    const UNSEEN: &Seen = &Seen { hits: Vec::new(), typical: 0.0 };
+    Wanted { scale, seen: UNSEEN, walls: NO_WALLS, texel_m: &|_| 1.0 }
+}
+
 /// A layout at even density, whatever the scene has, and the size of its map.
 fn unwrapped(scene: Scene, size: LayoutSize, progress: Progress) -> Result<(Scene, u32), UnwrapError> {
     check_size(size)?;
     let backend = backend(UnwrapBackend::Uvunwrap)?;
     let scale = LocalScale::uniform();
-    let charts = charts(&scene, Wanted { scale: &scale, seen: &Seen::default() }, backend.as_ref(), progress)?;
+    let charts = charts(&scene, even(&scale), backend.as_ref(), progress)?;
     // Of a scene without triangles there is no tree to build, and nobody asks.
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
@@ -125,7 +132,7 @@ fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
     let scene = room();
     let backend = backend(UnwrapBackend::Uvunwrap).unwrap();
     let scale = LocalScale::uniform();
-    let charts = charts(&scene, Wanted { scale: &scale, seen: &Seen::default() }, backend.as_ref(), &quiet).unwrap();
+    let charts = charts(&scene, even(&scale), backend.as_ref(), &quiet).unwrap();
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
     let after = charts.lay_out_light_map(scene, &caster, 256, &quiet).unwrap();

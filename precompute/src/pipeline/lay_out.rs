@@ -20,6 +20,8 @@ use localprt_scenes::Scene;
 /// Samples of the local scale: one for so many receivers.
 const RECEIVERS_PER_SAMPLE: usize = 4;
 const LEAST_SAMPLES: usize = 4000;
+/// Share of a map that charts cover, about.
+const MAP_USED: f64 = 0.5;
 /// Layouts that are made to meet the number of receivers, at most.
 const LAYOUTS: usize = 4;
 /// Share by which it may be missed.
@@ -70,6 +72,19 @@ fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
     LocalScale::of(scale::measure(caster, most), caster.scene().extent(), settings.receivers, focus.collect())
 }
 
+/// About the edge of a texel at a place, metres, before the charts are known.
+fn texel_edge<'a>(
+    scale: &'a LocalScale,
+    scene: &Scene,
+    settings: &BakeSettings,
+) -> impl Fn(Vec3) -> f32 + Sync + use<'a> {
+    let of_map = settings.lightmap.map_or(f64::INFINITY, |texels| f64::from(texels).powi(2) * MAP_USED);
+    let receivers = f64::from(settings.receivers).min(of_map);
+    let unit_m = scale.texel_unit_m(scene, receivers) as f32;
+    let least_m = settings.texel.unwrap_or(0.0);
+    move |place| (unit_m * scale.texel(scale.of_texels(place), 1.0)).max(least_m)
+}
+
 /// A scene with its layout, and the receivers on it.
 pub(super) struct LaidOut {
     pub(super) scene: Scene,
@@ -103,12 +118,14 @@ pub(super) fn lay_out(
     let (mut split, back_faces) =
         sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
     cut::by_scale(&mut split, scale);
+    let edge_m = texel_edge(scale, &split, settings);
+    let walls = cut::by_surfaces(&mut split, caster, &edge_m);
     let seen = match scale.is_uniform() {
         true => Seen::default(),
         false => scale::importance(scale, grid, &RayCaster::new(&split).map_err(tree_error)?),
     };
     let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
-    let wanted = Wanted { scale, seen: &seen };
+    let wanted = Wanted { scale, seen: &seen, walls: &walls, texel_m: &edge_m };
     let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
     drop(stage);
     let split = {

@@ -9,6 +9,7 @@ use glam::{Vec3, Vec3A};
 use obvhs::{
     Boundable, BvhBuildParams,
     aabb::Aabb,
+    bvh2::Bvh2,
     bvh2::reinsertion::ReinsertionOptimizer,
     cwbvh::{CwBvh, bvh2_to_cwbvh::bvh2_to_cwbvh},
     ploc::PlocBuilder,
@@ -179,15 +180,42 @@ impl Tree {
     }
 }
 
-/// What obvhs's `build_cwbvh` makes, without its clock, which browsers do not have.
-fn eight_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> CwBvh {
-    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+/// Which triangles are near a box.
+pub struct BoxTree(Bvh2);
+
+impl BoxTree {
+    /// Of boxes by their lowest and highest corners.
+    pub fn of(boxes: impl Iterator<Item = (Vec3, Vec3)>) -> Self {
+        let boxes: Vec<PaddedBox> = boxes.map(|(low, high)| PaddedBox(Aabb::new(low.into(), high.into()))).collect();
+        Self(if boxes.is_empty() { Bvh2::default() } else { two_wide_tree(&boxes, BvhBuildParams::fast_build()) })
+    }
+
+    /// Boxes that this one touches, and maybe some beside it, by rising number.
+    pub fn around(&self, low: Vec3, high: Vec3) -> Vec<u32> {
+        let mut found = Vec::new();
+        self.0.aabb_traverse(Aabb::new(low.into(), high.into()), |tree, node| {
+            let node = tree.nodes[node as usize];
+            found.extend_from_slice(&tree.primitive_indices[node.first_index as usize..][..node.prim_count as usize]);
+            true
+        });
+        found.sort_unstable();
+        found
+    }
+}
+
+fn two_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> Bvh2 {
+    PlocBuilder::with_capacity(boxes.len()).build(
         params.ploc_search_distance,
         boxes,
         (0..boxes.len() as u32).collect(),
         params.sort_precision,
         params.search_depth_threshold,
-    );
+    )
+}
+
+/// What obvhs's `build_cwbvh` makes, without its clock, which browsers do not have.
+fn eight_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> CwBvh {
+    let mut tree = two_wide_tree(boxes, params);
     ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
     bvh2_to_cwbvh(&tree, params.max_prims_per_leaf.clamp(1, 3), true, false)
 }

@@ -9,7 +9,7 @@ mod bvh;
 #[cfg(test)]
 mod tests;
 
-pub use bvh::{TreeError, TriangleHit};
+pub use bvh::{BoxTree, TreeError, TriangleHit};
 
 use glam::Vec3;
 use localprt_scenes::{AlphaMode, FaceId, Scene};

@@ -195,6 +195,18 @@ impl LocalScale {
         if self.is_uniform() { 1.0 } else { scale_m.powf(POWERS[0]) * seen.powf(POWERS[1]) }
     }
 
+    /// Edge of a texel over (S1), metres, for so many of them: about, as if all surfaces were seen alike.
+    pub fn texel_unit_m(&self, scene: &Scene, texels: f64) -> f64 {
+        let in_units: f64 = match self.is_uniform() {
+            true => scene.faces().map(|(mesh, triangle)| scene.area_m2(mesh, triangle)).sum(),
+            false => {
+                let edge = |sample: &Sample| f64::from(self.texel(self.of_texels(sample.position), 1.0));
+                self.samples.iter().map(|sample| f64::from(sample.area_m2) / edge(sample).powi(2)).sum()
+            }
+        };
+        (in_units / texels.max(1.0)).sqrt()
+    }
+
     /// ε of so many probes: how close they stand where they stand closest, metres.
     pub fn closest(&self, probes: usize) -> f32 {
         if self.is_uniform() { f32::INFINITY } else { self.finest(probes as f64 / PROBES_OF_SPACING) }

@@ -1,10 +1,8 @@
-//! Large faces are cut where they need very different densities, so that charts can have them.
-//!
-//! Triangles are bisected along their longest edges (Rivara 1984), and whoever shares a cut edge is cut at the same point, over all
-//! meshes: the surface that is drawn has no T-junctions where it had none.
+//! Large faces are cut where they need very different densities, so that charts can have them: triangles are bisected along their
+//! longest edges (Rivara 1984).
 
-use super::unwrap::subdivision;
-use crate::scale::LocalScale;
+use super::{EdgeKey, add_vertex, key};
+use crate::{lightmap::unwrap::subdivision, scale::LocalScale};
 use glam::Vec3;
 use localprt_scenes::{Mesh, Scene};
 use rayon::prelude::*;
@@ -18,9 +16,6 @@ const STEPS: u32 = 8;
 const SHORTEST: f32 = 4.0;
 /// Bisections of a triangle, at most.
 const MOST_PASSES: usize = 48;
-
-/// An edge by the places of its ends, lower first.
-type EdgeKey = [[u32; 3]; 2];
 
 /// Cuts the scene's triangles; the number of triangles added.
 pub fn by_scale(scene: &mut Scene, scale: &LocalScale) -> usize {
@@ -52,13 +47,8 @@ pub fn by_scale(scene: &mut Scene, scale: &LocalScale) -> usize {
     scene.face_count() - before
 }
 
-fn place(mesh: &Mesh, vertex: u32) -> [u32; 3] {
-    mesh.positions[vertex as usize].to_array().map(|value| (value + 0.0).to_bits())
-}
-
 fn edge(mesh: &Mesh, a: u32, b: u32) -> EdgeKey {
-    let (a, b) = (place(mesh, a), place(mesh, b));
-    if a <= b { [a, b] } else { [b, a] }
+    key([a, b].map(|vertex| mesh.positions[vertex as usize]))
 }
 
 /// Corner from which the longest edge starts, and that edge; of equals the one with the lowest key, so that all who share it agree.
@@ -169,32 +159,15 @@ fn middle(mesh: &mut Mesh, middles: &mut HashMap<[u32; 2], u32>, from: u32, to: 
     if let Some(&middle) = middles.get(&ends) {
         return middle;
     }
-    let middle = mesh.positions.len() as u32;
-    let [a, b] = ends.map(|end| end as usize);
-    // Sums do not depend on the order of two: meshes that share the edge get the same place.
-    mesh.positions.push(0.5 * (mesh.positions[a] + mesh.positions[b]));
-    if !mesh.normals.is_empty() {
-        mesh.normals.push((mesh.normals[a] + mesh.normals[b]).normalize_or(mesh.normals[a]));
-    }
-    if !mesh.tangents.is_empty() {
-        let (first, second) = (mesh.tangents[a], mesh.tangents[b]);
-        let along: Vec3 = (first.truncate() + second.truncate()).normalize_or(first.truncate());
-        mesh.tangents.push(along.extend(first.w));
-    }
-    for set in mesh.uv_sets.iter_mut().filter(|set| !set.is_empty()) {
-        set.push(0.5 * (set[a] + set[b]));
-    }
-    if !mesh.colors.is_empty() {
-        mesh.colors.push(0.5 * (mesh.colors[a] + mesh.colors[b]));
-    }
+    let middle = add_vertex(mesh, [ends[0], ends[1], ends[0]], Vec3::new(0.5, 0.5, 0.0));
     middles.insert(ends, middle);
     middle
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::{cuboid, merged, plane, scene};
     use super::*;
+    use crate::lightmap::test_scenes::{cuboid, merged, plane, scene};
     use crate::scale::Sample;
     use glam::Vec2;
     use std::collections::BTreeMap;
