@@ -10,7 +10,7 @@ use crate::{
     budget::{self, Spent},
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
-    lightmap::{Atlas, ChartPyramid, ReceiverSet, texels},
+    lightmap::{Atlas, ChartPyramid, ReceiverSet, texels, texels::ReceiverMap},
     probes,
     progress::Progress,
     rays::RayCaster,
@@ -115,8 +115,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
             has_receiver[texel as usize] = true;
         }
         let light_map = Atlas::of_light_map(&scene);
-        let (direct, _) =
-            texels::cover_visible(&scene, &light_map, settings.direct_map, &atlas, layout.size, &has_receiver);
+        let map = ReceiverMap { atlas: &atlas, size: layout.size, has_receiver: &has_receiver };
+        let (direct, _) = texels::cover_visible(&scene, &light_map, settings.direct_map, &map);
         let charts = ChartPyramid::of(&direct);
         let rays =
             relight_rays::trace(&caster, &light_map, &charts, &probes.positions, settings.relight_rays, &probe_basis);

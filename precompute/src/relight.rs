@@ -3,64 +3,100 @@
 //! Direct light is traced from the texels of the direct light map; the rest is `localprt_runtime`'s CPU relighter.
 
 use crate::{
-    lightmap::{Atlas, Texel, TexelMap, texels},
-    rays::RayCaster,
+    lightmap::{Atlas, samples, samples::SAMPLES, texels, texels::ReceiverMap},
+    rays::{FacePoint, RayCaster},
 };
 use glam::Vec3;
 use localprt_formats::{BakedView, quantize::pack_uv};
-use localprt_runtime::{SceneTexels, SurfaceTexels, sky_sh};
+use localprt_runtime::{SceneTexels, SurfacePoint, SurfaceTexels, TexelSample, sky_sh};
 use localprt_scenes::{Light, Lighting, Material, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use rayon::prelude::*;
 
 /// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
 ///
-/// One shadow ray per texel and light that reaches it.
+/// One shadow ray per sample of a texel and light that reaches it.
 pub fn surface_texels(caster: &RayCaster<'_>, lighting: &Lighting, baked: &BakedView<'_>) -> SurfaceTexels {
-    let texels = scene_texels(caster.scene(), baked);
+    let texels = scene_texels(caster, baked);
     let direct = traced_irradiance(caster, &texels, &lighting.lights);
     texels.shaded(&material_overrides(caster.scene(), lighting), lighting.albedo_override, direct)
 }
 
 /// What stays the same while lights and materials change: the texels that the bake's relight rays were made for, with
-/// place, normals and the scene's own colors.
-pub fn scene_texels(scene: &Scene, baked: &BakedView<'_>) -> SceneTexels {
+/// place, normals, samples and the scene's own colors, which are means over the samples.
+pub fn scene_texels(caster: &RayCaster<'_>, baked: &BakedView<'_>) -> SceneTexels {
+    let scene = caster.scene();
     let (size, receiver_size) = (baked.metadata.direct_size, baked.metadata.lightmap_size);
     let mut has_receiver = vec![false; receiver_size as usize * receiver_size as usize];
     for &texel in baked.receiver_texel {
         has_receiver[texel as usize] = true;
     }
     let (light_map, receivers) = (Atlas::of_light_map(scene), Atlas::of(scene));
-    let (TexelMap { texels, .. }, places) =
-        texels::cover_visible(scene, &light_map, size, &receivers, receiver_size, &has_receiver);
+    let receivers = ReceiverMap { atlas: &receivers, size: receiver_size, has_receiver: &has_receiver };
+    let (map, places) = texels::cover_visible(scene, &light_map, size, &receivers);
     let plain = Lighting::default();
     let own = SurfaceShading::new(scene, &plain);
-    let points = |value: &(dyn Fn(usize, usize, Vec3) -> Vec3 + Sync)| -> Vec<Vec3> {
-        let of_texel = |texel: &Texel| value(texel.mesh as usize, texel.triangle as usize, texel.barycentrics);
-        texels.par_iter().map(of_texel).collect()
-    };
-    SceneTexels {
+    let bands = samples::visit(caster, &light_map, &receivers, &map, room_for, |band, texel, points| {
+        let SurfacePoint { position, normal, geometric_normal } = surface_point(scene, &texel.point());
+        band.position.push(position);
+        band.normal.push(normal);
+        band.geometric_normal.push(geometric_normal);
+        band.samples.extend(points.iter().map(|point| TexelSample::new(&surface_point(scene, point), position)));
+        band.sample_end.push(band.samples.len() as u32);
+        let own_point = [texel.point()];
+        let points = if points.is_empty() { &own_point } else { points };
+        let mean = |color: &dyn Fn(&FacePoint) -> Vec3| points.iter().map(color).sum::<Vec3>() / points.len() as f32;
+        band.albedo.push(mean(&|point| own.albedo(point.mesh, point.triangle, point.barycentrics)));
+        band.emission.push(mean(&|point| own.emission(point.mesh, point.triangle, point.barycentrics)));
+    });
+    let mut texels = SceneTexels {
         size,
-        index: texels.iter().map(|texel| texel.index).collect(),
+        index: map.texels.iter().map(|texel| texel.index).collect(),
         lightmap_uv: places.iter().map(|place| pack_uv(place.to_array())).collect(),
-        position: points(&|mesh, triangle, weights| {
-            let corners = scene.corners(mesh, triangle);
-            corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z
-        }),
-        normal: points(&|mesh, triangle, weights| scene.shading_normal(mesh, triangle, weights)),
-        geometric_normal: points(&|mesh, triangle, _| scene.geometric_normal(mesh, triangle)),
-        albedo: points(&|mesh, triangle, weights| own.albedo(mesh, triangle, weights)),
-        emission: points(&|mesh, triangle, weights| own.emission(mesh, triangle, weights)),
-        material: texels.iter().map(|texel| scene.meshes[texel.mesh as usize].material as u32).collect(),
+        material: map.texels.iter().map(|texel| scene.meshes[texel.mesh as usize].material as u32).collect(),
+        ..SceneTexels::default()
+    };
+    texels.samples.reserve_exact(bands.iter().map(|band| band.samples.len()).sum());
+    for band in bands {
+        let first = texels.samples.len() as u32;
+        texels.sample_end.extend(band.sample_end.iter().map(|end| first + end));
+        texels.samples.extend(band.samples);
+        texels.position.extend(band.position);
+        texels.normal.extend(band.normal);
+        texels.geometric_normal.extend(band.geometric_normal);
+        texels.albedo.extend(band.albedo);
+        texels.emission.extend(band.emission);
+    }
+    texels
+}
+
+fn room_for(n_texels: usize) -> SceneTexels {
+    let vectors = || Vec::with_capacity(n_texels);
+    SceneTexels {
+        position: vectors(),
+        normal: vectors(),
+        geometric_normal: vectors(),
+        albedo: vectors(),
+        emission: vectors(),
+        sample_end: Vec::with_capacity(n_texels),
+        samples: Vec::with_capacity(n_texels * SAMPLES),
+        ..SceneTexels::default()
     }
 }
 
-/// Direct irradiance of every texel, shadows traced.
+fn surface_point(scene: &Scene, point: &FacePoint) -> SurfacePoint {
+    let FacePoint { mesh, triangle, barycentrics, .. } = *point;
+    SurfacePoint {
+        position: scene.position(mesh, triangle, barycentrics),
+        normal: scene.shading_normal(mesh, triangle, barycentrics),
+        geometric_normal: scene.geometric_normal(mesh, triangle),
+    }
+}
+
+/// Direct irradiance of every texel, the mean over its samples, shadows traced.
 pub fn traced_irradiance(caster: &RayCaster<'_>, texels: &SceneTexels, lights: &[Light]) -> Vec<Vec3> {
-    let irradiance = |texel: usize| {
-        let (position, normal) = (texels.position[texel], texels.normal[texel]);
-        direct_irradiance(caster, lights, position, normal, texels.geometric_normal[texel])
-    };
-    (0..texels.len()).into_par_iter().map(irradiance).collect()
+    let at =
+        |point: &SurfacePoint| direct_irradiance(caster, lights, point.position, point.normal, point.geometric_normal);
+    (0..texels.len()).into_par_iter().map(|texel| texels.mean(texel, at)).collect()
 }
 
 /// The lighting's overrides, by material index instead of name.
@@ -117,5 +153,75 @@ pub fn sky_inputs(sky: &Sky, baked: &BakedView<'_>) -> SkyInputs {
     SkyInputs {
         sh: sky_sh(sky, baked.metadata.sky_degree),
         rays: baked.ray_dirs.iter().map(|&[x, y, z, _]| sky.radiance(Vec3::new(x, y, z))).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+    use localprt_formats::{BakedArrays, Metadata};
+    use localprt_scenes::{LightKind, Mesh};
+
+    const SIZE: u32 = 16;
+    const TEXEL_M: f32 = 0.25;
+
+    /// A level quad that looks up, 4 m deep.
+    fn quad(height: f32, from_x: f32, to_x: f32) -> Mesh {
+        let corners = [(from_x, 0.0), (from_x, 4.0), (to_x, 4.0), (to_x, 0.0)];
+        Mesh {
+            positions: corners.map(|(x, z)| Vec3::new(x, height, z)).to_vec(),
+            normals: vec![Vec3::Y; 4],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        }
+    }
+
+    /// Direct irradiance of the middle row of a floor's texels, below a sheet that ends at `edge_x`, under a sun of 1 W m^-2.
+    fn row_below_a_sheet(edge_x: f32) -> Vec<f32> {
+        let mut floor = quad(0.0, 0.0, 4.0);
+        floor.uv_sets = vec![Vec::new(), floor.positions.iter().map(|at| Vec2::new(at.x, at.z) / 4.0).collect()];
+        let scene = Scene {
+            meshes: vec![floor, quad(1.0, -1.0, edge_x)],
+            materials: vec![Material::default()],
+            ..Scene::default()
+        };
+        let sun = Light {
+            name: String::new(),
+            kind: LightKind::Directional,
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Y,
+            color: Vec3::ONE,
+            intensity: 1.0,
+            range: None,
+        };
+        let baked = BakedArrays {
+            metadata: Metadata { lightmap_size: SIZE, direct_size: SIZE, ..Metadata::default() },
+            receiver_texel: (0..SIZE * SIZE).collect(),
+            ..BakedArrays::default()
+        };
+        let caster = RayCaster::new(&scene).expect("tree");
+        let lighting = Lighting { lights: vec![sun], ..Lighting::default() };
+        let surface = surface_texels(&caster, &lighting, &baked.view());
+        assert_eq!(surface.index, (0..SIZE * SIZE).collect::<Vec<u32>>());
+        let row = SIZE / 2 * SIZE;
+        surface.direct[row as usize..][..SIZE as usize].iter().map(|direct| direct.x).collect()
+    }
+
+    #[test]
+    fn a_texel_at_the_edge_of_a_shadow_has_the_share_of_it_that_is_lit() {
+        let column = 6;
+        let mut sum = 0.0;
+        for step in 0..16 {
+            let shade = (step as f32 + 0.5) / 16.0;
+            let row = row_below_a_sheet((column as f32 + shade) * TEXEL_M);
+            assert!(row[..column].iter().all(|&direct| direct == 0.0));
+            // Normals are stored in 16 bits.
+            assert!(row[column + 1..].iter().all(|&direct| (direct - 1.0).abs() < 1e-6));
+            // Samples stand for a quarter of the texel each, and lie in the middle of it.
+            assert!((row[column] - (1.0 - shade)).abs() <= 0.125, "{shade} in shadow: {}", row[column]);
+            sum += row[column];
+        }
+        assert!((sum / 16.0 - 0.5).abs() < 1e-6, "{sum}");
     }
 }

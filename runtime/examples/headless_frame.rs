@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         albedo: vec![Vec3::splat(0.5)],
         emission: vec![Vec3::ZERO],
         material: vec![0],
+        ..SceneTexels::default()
     };
     gi.set_scene(&texels, &ShadowCasters::default())?;
 

@@ -42,6 +42,16 @@ pub enum RelightError {
         /// Texels in the map.
         limit: u64,
     },
+    /// Ends of texels' samples fall, or are not those of the samples.
+    #[error("samples of surface texel {texel} end at {end}; ends must not fall, and the last must be {samples}")]
+    SampleEnd {
+        /// Where in the list of texels.
+        texel: usize,
+        /// The end found there.
+        end: u32,
+        /// Samples in all.
+        samples: usize,
+    },
     /// An input value is infinite or not a number.
     #[error("{what} {index} is not finite; check the light, material or sky it comes from")]
     NotFinite {

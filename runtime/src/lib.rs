@@ -16,6 +16,7 @@ mod relighter;
 mod shaders;
 mod sky;
 pub mod surface;
+mod texel_sample;
 #[cfg(feature = "gpu")]
 mod transport_pages;
 
@@ -43,3 +44,4 @@ pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions, Volu
 pub use shaders::HOST_WGSL;
 pub use sky::sky_sh;
 pub use surface::SceneTexels;
+pub use texel_sample::{SurfacePoint, TexelSample};

@@ -252,6 +252,12 @@ impl Scene {
         mesh.triangles[triangle].map(|vertex| mesh.positions[vertex as usize])
     }
 
+    /// A point of a triangle, world space, metres.
+    pub fn position(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> Vec3 {
+        let [a, b, c] = self.corners(mesh, triangle);
+        a * barycentrics.x + b * barycentrics.y + c * barycentrics.z
+    }
+
     /// Area of a triangle, square metres.
     pub fn area_m2(&self, mesh: usize, triangle: usize) -> f64 {
         let [a, b, c] = self.corners(mesh, triangle).map(Vec3::as_dvec3);

@@ -76,7 +76,7 @@ pub fn irradiance_on_gpu(
     let scene = &baked.scene;
     let caster = RayCaster::new(scene).expect("tree");
     let view = baked.arrays.view();
-    let texels = relight::scene_texels(scene, &view);
+    let texels = relight::scene_texels(&caster, &view);
     let mut relighter = Relighter::new(&device, &queue, view, RelighterOptions::default()).expect("room on the device");
     relighter.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene that fits");
     let overrides = relight::material_overrides(scene, lighting);

@@ -19,7 +19,7 @@ const STEP_M: f32 = 0.01;
 fn roughness(baked: &BakeOutput) -> (f64, f64) {
     let caster = RayCaster::new(&baked.scene).expect("tree");
     let view = baked.arrays.view();
-    let texels = relight::scene_texels(&baked.scene, &view);
+    let texels = relight::scene_texels(&caster, &view);
     let mut lighting = Lighting::of_scene(&baked.scene);
     let start = lighting.lights[0].position;
     let mut relighter = CpuRelighter::new(view).expect("consistent arrays");

@@ -99,7 +99,7 @@ pub fn light(
     }
     let stage = progress.stage("direct light", 0);
     let scene = caster.scene();
-    let texels = scene_texels(scene, &view);
+    let texels = scene_texels(caster, &view);
     let overrides = material_overrides(scene, lighting);
     let sky = sky_inputs(&lighting.sky, &view);
     #[cfg(feature = "gpu")]

@@ -2,7 +2,7 @@
 //!
 //! [`sides`] gives each live side of double-sided surfaces a face of its own; [`unwrap`] gives every face lightmap
 //! coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
-//! size with them; [`receivers`] turns covered texels into receivers.
+//! size with them; [`receivers`] turns covered texels into receivers; [`samples`] spreads points over texels of the light map.
 
 mod chart_pyramid;
 mod charts;
@@ -11,6 +11,7 @@ mod gutters;
 mod pieces;
 mod raster;
 pub mod receivers;
+pub mod samples;
 mod seams;
 pub mod sides;
 #[cfg(test)]
@@ -23,6 +24,7 @@ pub mod unwrap;
 pub use chart_pyramid::{ChartPyramid, as_stored};
 pub use pieces::Pieces;
 
+use crate::rays::FacePoint;
 use glam::{Vec2, Vec3};
 use localprt_scenes::FaceId;
 
@@ -61,6 +63,14 @@ pub struct Texel {
     pub barycentrics: Vec3,
     /// Chart of the face.
     pub chart: u32,
+}
+
+impl Texel {
+    /// Its own point.
+    pub fn point(&self) -> FacePoint {
+        let Self { face, mesh, triangle, barycentrics, .. } = *self;
+        FacePoint { face, mesh: mesh as usize, triangle: triangle as usize, barycentrics }
+    }
 }
 
 /// All covered texels of a map, by rising index.

@@ -35,8 +35,7 @@ impl Pieces {
             .par_iter()
             .map(|texel| {
                 let (mesh, triangle, weights) = (texel.mesh as usize, texel.triangle as usize, texel.barycentrics);
-                let [a, b, c] = scene.corners(mesh, triangle);
-                (a * weights.x + b * weights.y + c * weights.z, scene.geometric_normal(mesh, triangle))
+                (scene.position(mesh, triangle, weights), scene.geometric_normal(mesh, triangle))
             })
             .collect();
         // Joined neighbors, and the first level on which one texel holds both.
@@ -96,12 +95,26 @@ impl Pieces {
 }
 
 /// Straight above the surface, or over a point higher above the middle, where the surface bends.
-fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
-    let distance = a.0.distance(b.0);
-    let lift = (LIFT * distance).max(caster.offset_m());
-    let (from, to) = (a.0 + lift * a.1, b.0 + lift * b.1);
-    let middle = 0.5 * (a.0 + b.0) + 0.5 * (a.1 + b.1) * (AROUND * distance).max(lift);
-    caster.visible(from, to) || (caster.visible(from, middle) && caster.visible(middle, to))
+pub(super) fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
+    let (from, to) = lifted(caster, a, b);
+    if caster.visible(from, to) {
+        return true;
+    }
+    let above = (AROUND * a.0.distance(b.0)).max(caster.offset_m());
+    let middle = 0.5 * (a.0 + b.0) + 0.5 * (a.1 + b.1) * above;
+    caster.visible(from, middle) && caster.visible(middle, to)
+}
+
+/// Straight above the surface only: between points of one plane.
+pub(super) fn see_straight(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
+    let (from, to) = lifted(caster, a, b);
+    caster.visible(from, to)
+}
+
+/// Where two points of a surface, given with their normals, look for each other from.
+pub(super) fn lifted(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let lift = (LIFT * a.0.distance(b.0)).max(caster.offset_m());
+    (a.0 + lift * a.1, b.0 + lift * b.1)
 }
 
 #[cfg(test)]

@@ -117,9 +117,8 @@ impl Placer<'_> {
     }
 
     fn site(&self, mesh: usize, triangle: usize, weights: Vec3) -> Site {
-        let [a, b, c] = self.scene.corners(mesh, triangle);
         Site {
-            position: a * weights.x + b * weights.y + c * weights.z,
+            position: self.scene.position(mesh, triangle, weights),
             normal: self.scene.shading_normal(mesh, triangle, weights),
             geometric_normal: self.scene.geometric_normal(mesh, triangle),
             pushed: false,

@@ -1,6 +1,7 @@
 //! From scene to receivers: what must hold whatever the layout.
 
 use super::test_scenes::{cuboid, inward, merged, plane, room, scene, sphere, with_uv};
+use super::texels::ReceiverMap;
 use super::unwrap::{LayoutSize, UnwrapError, Wanted, backend, charts, check_size, usable_layout};
 use super::*;
 use crate::rays::RayCaster;
@@ -141,7 +142,8 @@ fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
     let (light_map, lightmap) = (Atlas::of_light_map(&after), Atlas::of(&after));
     assert!(light_map.n_charts == lightmap.n_charts && light_map.corners != lightmap.corners);
     let has_receiver = vec![true; (size * size) as usize];
-    let (map, places) = texels::cover_visible(&after, &light_map, 256, &lightmap, size, &has_receiver);
+    let receivers = ReceiverMap { atlas: &lightmap, size, has_receiver: &has_receiver };
+    let (map, places) = texels::cover_visible(&after, &light_map, 256, &receivers);
     let share = map.texels.len() as f32 / (256.0 * 256.0);
     assert!(share > 0.55, "{share} of the light map is used");
     // At its place in the receiver map a texel finds a texel of the same surface: it samples it within its diagonal, 0.1 m sqrt(2).
@@ -163,7 +165,8 @@ fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
         assert!(neighbors(texel.index, 256, 2).all(|near| [u32::MAX, texel.chart].contains(&charts[near as usize])));
     }
     // What has no receiver sends no light.
-    let (none, _) = texels::cover_visible(&after, &light_map, 256, &lightmap, size, &vec![false; has_receiver.len()]);
+    let nowhere = ReceiverMap { has_receiver: &vec![false; has_receiver.len()], ..receivers };
+    let (none, _) = texels::cover_visible(&after, &light_map, 256, &nowhere);
     assert!(none.texels.is_empty());
 }
 

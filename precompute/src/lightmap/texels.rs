@@ -2,13 +2,15 @@
 
 use super::raster::Footprint;
 use super::{Atlas, Texel, TexelMap};
+use crate::rays::FacePoint;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use localprt_scenes::{FaceId, Scene};
 use rayon::prelude::*;
 
 /// Rows that one task covers.
-const BAND: u32 = 32;
-const NOBODY: u32 = u32::MAX;
+pub(super) const BAND: u32 = 32;
+/// No face, and no texel.
+pub(super) const NOBODY: u32 = u32::MAX;
 
 /// Covers a map of `size` texels per side. Every texel that a face touches is listed once. A texel whose centre lies on
 /// a face belongs to it, to the lowest of several; any other to the touching face with the point nearest to the centre.
@@ -23,40 +25,55 @@ pub fn cover(scene: &Scene, atlas: &Atlas, size: u32) -> TexelMap {
     TexelMap { size, texels: texels.into_iter().flatten().collect() }
 }
 
+/// The receiver map: which surface can send light.
+#[derive(Clone, Copy)]
+pub struct ReceiverMap<'a> {
+    /// Its layout.
+    pub atlas: &'a Atlas,
+    /// Texels per side.
+    pub size: u32,
+    /// `[size * size]` whether a texel has a receiver.
+    pub has_receiver: &'a [bool],
+}
+
+impl ReceiverMap<'_> {
+    /// Whether a point of a face has a receiver at its place, and lies in no hole of an alpha mask.
+    pub fn sends_light(&self, scene: &Scene, point: &FacePoint) -> bool {
+        let Vec2 { x, y } = self.place(point);
+        let at = |place: f32| ((place * self.size as f32).max(0.0) as u32).min(self.size - 1);
+        self.has_receiver[(at(y) * self.size + at(x)) as usize]
+            && scene.is_present(point.mesh, point.triangle, point.barycentrics)
+    }
+
+    /// Where a point of a face lies in the map, in 0..=1.
+    fn place(&self, point: &FacePoint) -> Vec2 {
+        let [a, b, c] = self.atlas.corners[point.face.0 as usize];
+        let weights = point.barycentrics;
+        a * weights.x + b * weights.y + c * weights.z
+    }
+}
+
 /// Texels of the direct light map that can send light: those of [`cover`] but for the holes of alpha masks and for texels
 /// inside or behind geometry, where the receiver map has no receiver; and where each lies in the receiver map, in 0..=1.
 ///
-/// `receivers` is the layout of the receiver map, `has_receiver` `[receiver_size * receiver_size]`. Dark texels under a crate
-/// would darken the mips beside it.
+/// Dark texels under a crate would darken the mips beside it.
 pub fn cover_visible(
     scene: &Scene,
     light_map: &Atlas,
     size: u32,
-    receivers: &Atlas,
-    receiver_size: u32,
-    has_receiver: &[bool],
+    receivers: &ReceiverMap<'_>,
 ) -> (TexelMap, Vec<Vec2>) {
-    let map = cover(scene, light_map, size);
-    let side = receiver_size as usize;
-    let at = |place: f32| ((place * receiver_size as f32).max(0.0) as usize).min(side - 1);
-    let (texels, places) = map
+    let (texels, places) = cover(scene, light_map, size)
         .texels
         .into_par_iter()
-        .map(|texel| {
-            let [a, b, c] = receivers.corners[texel.face.0 as usize];
-            let weights = texel.barycentrics;
-            (texel, a * weights.x + b * weights.y + c * weights.z)
-        })
-        .filter(|(texel, place)| {
-            has_receiver[at(place.y) * side + at(place.x)]
-                && scene.is_present(texel.mesh as usize, texel.triangle as usize, texel.barycentrics)
-        })
+        .filter(|texel| receivers.sends_light(scene, &texel.point()))
+        .map(|texel| (texel, receivers.place(&texel.point())))
         .unzip();
     (TexelMap { size, texels }, places)
 }
 
 /// For each band of [`BAND`] rows the faces that touch it, by rising number.
-fn bands(atlas: &Atlas, size: u32) -> Vec<Vec<u32>> {
+pub(super) fn bands(atlas: &Atlas, size: u32) -> Vec<Vec<u32>> {
     let mut bands = vec![Vec::new(); size.div_ceil(BAND) as usize];
     for (face, &uv) in atlas.corners.iter().enumerate() {
         let Some(footprint) = Footprint::new(uv, size) else { continue };
@@ -125,7 +142,7 @@ fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, me
 }
 
 /// Visits face, footprint, x and y of all touches in a band, by rising face.
-fn for_each_touch(
+pub(super) fn for_each_touch(
     atlas: &Atlas,
     size: u32,
     first_row: u32,

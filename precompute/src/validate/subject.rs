@@ -7,7 +7,7 @@
 use crate::{
     clusters::leaves,
     error::BakeError,
-    lightmap::{Atlas, ReceiverSet, receivers, texels},
+    lightmap::{Atlas, ReceiverSet, receivers, texels, texels::ReceiverMap},
     probes::{self, ProbeSet, Support},
     progress::{Cancelled, Progress},
     rays::RayCaster,
@@ -142,9 +142,9 @@ impl<'a> Subject<'a> {
         let scene = self.caster.scene();
         let light_map = Atlas::of_light_map(scene);
         let has_receiver: Vec<bool> = self.at_texel.iter().map(|&receiver| receiver != u32::MAX).collect();
-        let (direct_size, lightmap_size) = (self.view.metadata.direct_size, self.view.metadata.lightmap_size);
-        let (direct, _) =
-            texels::cover_visible(scene, &light_map, direct_size, &self.atlas, lightmap_size, &has_receiver);
+        let size = self.view.metadata.lightmap_size;
+        let receivers = ReceiverMap { atlas: &self.atlas, size, has_receiver: &has_receiver };
+        let (direct, _) = texels::cover_visible(scene, &light_map, self.view.metadata.direct_size, &receivers);
         let field = NearField::new(self.caster, light_map, &direct, &self.probes, &self.support);
         Some(field.within(bytes, &self.transport()))
     }

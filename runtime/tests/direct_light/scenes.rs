@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 use localprt_runtime::passes::shadow_map::NO_MASK;
-use localprt_runtime::{AlphaImage, AlphaMask, CasterMasks, SceneTexels, ShadowCasters};
+use localprt_runtime::{AlphaImage, AlphaMask, CasterMasks, SceneTexels, ShadowCasters, SurfacePoint, TexelSample};
 use localprt_scenes::{Light, LightKind, Wrap};
 
 /// Casters, and texels on some of them.
@@ -80,6 +80,24 @@ impl TestScene {
         masks.mask[2 * quad..][..2].fill(0);
         self.casters.masks = Some(masks);
         assert_eq!(self.casters.check(), Ok(()));
+    }
+
+    /// Gives the texels 0, 1, 2, 3 or 4 samples in turn, up to 0.05 m from them in the planes of their surfaces.
+    pub fn scatter_samples(&mut self) {
+        for texel in 0..self.texels.len() {
+            let position = self.texels.position[texel];
+            let (normal, geometric_normal) = (self.texels.normal[texel], self.texels.geometric_normal[texel]);
+            let (x, y) = geometric_normal.any_orthonormal_pair();
+            for sample in 0..texel % 5 {
+                let (sin, cos) = (0.7 * texel as f32 + 2.0 * sample as f32).sin_cos();
+                let position = position + 0.05 * (cos * x + sin * y);
+                let normal = (normal + 0.1 * sin * x).normalize();
+                let point = SurfacePoint { position, normal, geometric_normal };
+                self.texels.samples.push(TexelSample::new(&point, self.texels.position[texel]));
+            }
+            self.texels.sample_end.push(self.texels.samples.len() as u32);
+        }
+        assert_eq!(self.texels.check(self.texels.size), Ok(()));
     }
 
     /// Whether the line from a point just off a surface to a light is free; masks are not asked.

@@ -100,9 +100,8 @@ impl<'a> OpenBake<'a> {
             CommandError::new(Exit::InvalidInput, "the scene has no triangles").in_file(&files.path).help(help)
         };
         let bounds = scene.bounds().ok_or_else(empty)?;
-        // Rays and texels have nothing to do with each other.
-        let (caster, texels) = rayon::join(|| inputs::caster(scene), || scene_texels(scene, &baked));
-        let caster = caster?;
+        let caster = inputs::caster(scene)?;
+        let texels = scene_texels(&caster, &baked);
         let cameras = match scene.cameras.is_empty() {
             false => scene.cameras.clone(),
             true => vec![inputs::camera(&caster, None)?],

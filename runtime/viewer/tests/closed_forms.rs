@@ -112,6 +112,7 @@ fn pictures_of(
         albedo: vec![Vec3::ZERO],
         emission: vec![emission],
         material: vec![0],
+        ..SceneTexels::default()
     };
     gi.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene");
     gi.set_moving_casters(&moving_casters(objects)).expect("casters");

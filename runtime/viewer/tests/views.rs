@@ -95,6 +95,7 @@ impl Stage {
             albedo: vec![Vec3::ZERO],
             emission: vec![Vec3::ZERO],
             material: vec![0],
+            ..SceneTexels::default()
         };
         relighter.set_scene(&texels, &ShadowCasters::of_scene(&scene)).expect("a scene");
         relighter.set_lights(&[sun()]);

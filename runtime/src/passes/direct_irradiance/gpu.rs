@@ -3,6 +3,7 @@
 use crate::error::RelightError;
 use crate::passes::shadow_map::{MIN_SHADOW_MAP_SIZE, ShadowCasters, gpu as shadow_gpu, shadow_views};
 use crate::surface::SceneTexels;
+use crate::texel_sample::TexelSample;
 use bytemuck::{Pod, Zeroable};
 use localprt_scenes::{Light, LightKind};
 use shadow_gpu::{ShadowMapPass, ViewRecord, filled_buffer, storage_entry};
@@ -27,11 +28,11 @@ pub(crate) const SHADER: &str = concat!(
 /// Views of a point light: a batch must hold them.
 const MOST_VIEWS: u32 = 6;
 const WORKGROUP_SIZE: u32 = 64;
-/// Position and two normals.
-const FLOATS_PER_TEXEL: u64 = 9;
+/// Position, two normals and the end of the samples.
+const WORDS_PER_TEXEL: u64 = 10;
+const TEXEL_BYTES: u64 = 4 * WORDS_PER_TEXEL;
+const SAMPLE_BYTES: u64 = size_of::<TexelSample>() as u64;
 const IRRADIANCE_BYTES: u64 = 16;
-/// Position and two normals of a texel.
-const TEXEL_BYTES: u64 = 36;
 
 /// Sizes of the shadow maps; the depth texture takes `4 * shadow_map_size^2 * shadow_layers` bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,6 +111,7 @@ struct LightBatch {
 struct TexelBuffers {
     irradiance: wgpu::Buffer,
     n_texels: usize,
+    n_samples: usize,
     /// Bind group and number of texels of each page.
     pages: Vec<(wgpu::BindGroup, u32)>,
 }
@@ -127,7 +129,8 @@ impl DirectPass {
         let batches = batch_buffer(device, 1);
         let lights = light_buffer(device, 1);
         let batch_group = batch_group(device, &batch_layout, &batches, &lights, &shadow);
-        let texels = TexelBuffers { irradiance: irradiance_buffer(device, 0), n_texels: 0, pages: Vec::new() };
+        let texels =
+            TexelBuffers { irradiance: irradiance_buffer(device, 0), n_texels: 0, n_samples: 0, pages: Vec::new() };
         Self { shadow, pipeline, batch_layout, page_layout, texels, batches, lights, batch_group, n_batches: 0 }
     }
 
@@ -249,7 +252,8 @@ impl DirectPass {
 
     /// Buffers and textures by purpose, bytes.
     pub(crate) fn memory(&self) -> [(&'static str, u64); 2] {
-        let texels = self.texels.n_texels as u64 * (TEXEL_BYTES + IRRADIANCE_BYTES);
+        let texels = self.texels.n_texels as u64 * (TEXEL_BYTES + IRRADIANCE_BYTES)
+            + self.texels.n_samples as u64 * SAMPLE_BYTES;
         [("shadow casters and shadow maps", self.shadow.bytes()), ("texel geometry and direct irradiance", texels)]
     }
 
@@ -358,16 +362,22 @@ impl TexelBuffers {
         }
         let irradiance = irradiance_buffer(device, texels.len());
         let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let page_size = page_size(largest, limits.min_storage_buffer_offset_alignment);
+        let most_samples = (0..texels.len()).map(|texel| texels.samples_of(texel).len()).max().unwrap_or(0);
+        let page_size = page_size(largest, limits.min_storage_buffer_offset_alignment, most_samples as u64);
         let mut pages = Vec::new();
         for first in (0..texels.len()).step_by(page_size) {
             let page = first..texels.len().min(first + page_size);
-            let vectors = |texel: usize| {
-                [texels.position[texel], texels.normal[texel], texels.geometric_normal[texel]].map(|v| v.to_array())
-            };
-            let contents: Vec<[[f32; 3]; 3]> = page.clone().map(vectors).collect();
-            let label = "localprt.direct_irradiance.texels";
-            let geometry = filled_buffer(device, label, bytemuck::cast_slice(&contents), BufferUsages::STORAGE)?;
+            let mut words = Vec::with_capacity(page.len() * WORDS_PER_TEXEL as usize);
+            let mut samples = Vec::new();
+            for texel in page.clone() {
+                let vectors = [texels.position[texel], texels.normal[texel], texels.geometric_normal[texel]];
+                words.extend(vectors.iter().flat_map(|vector| vector.to_array()).map(f32::to_bits));
+                samples.extend_from_slice(texels.samples_of(texel));
+                words.push(samples.len() as u32);
+            }
+            let filled = |label, contents| filled_buffer(device, label, contents, BufferUsages::STORAGE);
+            let geometry = filled("localprt.direct_irradiance.texels", bytemuck::cast_slice(&words))?;
+            let samples = filled("localprt.direct_irradiance.samples", bytemuck::cast_slice(&samples))?;
             let group = device.create_bind_group(&BindGroupDescriptor {
                 label: Some("localprt.direct_irradiance.page"),
                 layout,
@@ -381,18 +391,22 @@ impl TexelBuffers {
                             size: wgpu::BufferSize::new(page.len() as u64 * IRRADIANCE_BYTES),
                         }),
                     },
+                    BindGroupEntry { binding: 2, resource: samples.as_entire_binding() },
                 ],
             });
             pages.push((group, page.len() as u32));
         }
-        Ok(Self { irradiance, n_texels: texels.len(), pages })
+        Ok(Self { irradiance, n_texels: texels.len(), n_samples: texels.samples.len(), pages })
     }
 }
 
-/// Texels whose geometry fits into a binding, so many that the next page's irradiance is aligned.
-fn page_size(largest_binding: u64, alignment: u32) -> usize {
+/// Texels whose geometry fits into a binding, and whose samples do, at most `most_samples` a texel; so many that the next
+/// page's irradiance is aligned.
+fn page_size(largest_binding: u64, alignment: u32, most_samples: u64) -> usize {
     let alignment = u64::from(alignment).div_ceil(IRRADIANCE_BYTES);
-    let fitting = (largest_binding / (4 * FLOATS_PER_TEXEL)).min(u64::from(u32::MAX / FLOATS_PER_TEXEL as u32));
+    let bytes = TEXEL_BYTES.max(SAMPLE_BYTES * most_samples);
+    // Numbers of words are 32 bits in the shader.
+    let fitting = (largest_binding / bytes).min(u64::from(u32::MAX) / WORDS_PER_TEXEL.max(most_samples));
     (fitting / alignment * alignment).max(alignment) as usize
 }
 
@@ -471,7 +485,7 @@ fn page_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     };
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("localprt.direct_irradiance.page"),
-        entries: &[storage_entry(0, ShaderStages::COMPUTE), written],
+        entries: &[storage_entry(0, ShaderStages::COMPUTE), written, storage_entry(2, ShaderStages::COMPUTE)],
     })
 }
 
@@ -542,14 +556,12 @@ mod tests {
 
     #[test]
     fn pages_fit_their_bindings_and_are_aligned() {
-        for largest in [65536, 1 << 20, 128 << 20, u64::MAX] {
-            let size = page_size(largest, 256) as u64;
-            assert!(
-                size * 4 * FLOATS_PER_TEXEL <= largest && (size * IRRADIANCE_BYTES).is_multiple_of(256),
-                "{largest}: {size}"
-            );
-            // Indices of floats are 32 bits in the shader.
-            assert!(size * FLOATS_PER_TEXEL <= u64::from(u32::MAX));
+        for (largest, most_samples) in [(65536, 0), (1 << 20, 4), (128 << 20, 4), (128 << 20, 1), (u64::MAX, 16)] {
+            let size = page_size(largest, 256, most_samples) as u64;
+            assert!(size * TEXEL_BYTES <= largest && size * most_samples * SAMPLE_BYTES <= largest);
+            assert!((size * IRRADIANCE_BYTES).is_multiple_of(256), "{largest}: {size}");
+            // Numbers of words are 32 bits in the shader.
+            assert!(size * WORDS_PER_TEXEL.max(most_samples) <= u64::from(u32::MAX));
         }
     }
 

@@ -2,7 +2,7 @@
 //! shadow maps.
 //!
 //! In: [`SceneTexels`](crate::SceneTexels), [`ShadowCasters`](crate::ShadowCasters), lights. Out: irradiance per covered
-//! texel, W m^-2, in the order of the texels: the `direct` of [`SurfaceTexels`](crate::SurfaceTexels).
+//! texel, the mean over its samples, W m^-2, in the order of the texels: the `direct` of [`SurfaceTexels`](crate::SurfaceTexels).
 
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;

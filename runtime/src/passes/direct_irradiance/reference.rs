@@ -2,11 +2,13 @@
 
 use crate::passes::shadow_map::{CasterBounds, ShadowCasters, ShadowMap, ShadowView, shadow_map, shadow_views};
 use crate::surface::SceneTexels;
+use crate::texel_sample::SurfacePoint;
 use glam::Vec3;
 use localprt_scenes::Light;
 use rayon::prelude::*;
 
-/// `[n_covered]` irradiance straight from punctual lights, W m^-2, shadowed by maps of `shadow_map_size` texels per side.
+/// `[n_covered]` irradiance straight from punctual lights, W m^-2, shadowed by maps of `shadow_map_size` texels per side: the
+/// mean over each texel's samples.
 ///
 /// Lights below the horizon of either normal give nothing, as when shadows are traced.
 ///
@@ -42,14 +44,16 @@ pub fn add_light(
     }
     let rounding_m = bounds.rounding_m();
     irradiance.par_iter_mut().enumerate().for_each(|(texel, sum)| {
-        let (position, geometric_normal) = (texels.position[texel], texels.geometric_normal[texel]);
-        let Some(incident) = light.incident(position) else { return };
-        let cosine = texels.normal[texel].dot(incident.dir_to_light);
-        if cosine <= 0.0 || geometric_normal.dot(incident.dir_to_light) <= 0.0 {
-            return;
-        }
-        let face = if views.len() == 6 { ShadowView::face(position - light.position) } else { 0 };
-        let visibility = maps[face].visibility(&views[face], position, geometric_normal, rounding_m);
-        *sum += incident.irradiance * (cosine * visibility);
+        *sum += texels.mean(texel, |point| {
+            let SurfacePoint { position, normal, geometric_normal } = *point;
+            let Some(incident) = light.incident(position) else { return Vec3::ZERO };
+            let cosine = normal.dot(incident.dir_to_light);
+            if cosine <= 0.0 || geometric_normal.dot(incident.dir_to_light) <= 0.0 {
+                return Vec3::ZERO;
+            }
+            let face = if views.len() == 6 { ShadowView::face(position - light.position) } else { 0 };
+            let visibility = maps[face].visibility(&views[face], position, geometric_normal, rounding_m);
+            incident.irradiance * (cosine * visibility)
+        });
     });
 }

@@ -107,6 +107,7 @@ fn lit_floor() -> (SceneTexels, ShadowCasters) {
         albedo: vec![Vec3::splat(0.5); n],
         emission: vec![Vec3::ZERO; n],
         material: vec![0; n],
+        ..SceneTexels::default()
     };
     let casters = ShadowCasters {
         positions: vec![Vec3::new(-6.0, 1.0, -6.0), Vec3::new(-6.0, 1.0, 6.3), Vec3::new(6.3, 1.0, -6.0)],
