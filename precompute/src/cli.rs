@@ -207,6 +207,12 @@ pub struct Validate {
     /// End with exit code 7 if the nrmse of what a camera sees, under a given lighting, is above this
     #[arg(long, value_name = "X", value_parser = parse_positive)]
     pub max_view_nrmse: Option<f64>,
+    /// End with exit code 7 if the leak at the edges that a camera sees, under a given lighting, is above this
+    #[arg(long, value_name = "X", value_parser = parse_positive)]
+    pub max_leak: Option<f64>,
+    /// End with exit code 7 if the mottling of the smooth surfaces that a camera sees, under a given lighting, is above this
+    #[arg(long, value_name = "X", value_parser = parse_positive)]
+    pub max_mottling: Option<f64>,
     /// Bake again with other values of an option and compare, such as probes=2,8,20,50,150 or degree=2,4,7,10; may be given
     /// several times
     #[arg(long, value_name = "OPTION=VALUES", help_heading = "Sweeps", value_parser = parse_sweep)]

@@ -56,7 +56,7 @@ const QUICK: [&str; 15] = [
     "--points",
     "100",
     "--flip-paths",
-    "16",
+    "256",
 ];
 
 fn validate(file: &str, folder: &str, more: &[&str]) -> Output {
@@ -100,6 +100,14 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
         assert!(figures["nrmse_99"].as_f64() <= figures["nrmse"].as_f64(), "{figures}");
     }
     assert!(view["pixels"].as_u64() > Some(80), "{view}");
+    for name in ["off_10", "edge_ratio", "mottling"] {
+        assert!(view[name].as_f64() > Some(0.0), "{name}: {view}");
+    }
+    for figures in [view, &metrics["area"]] {
+        assert!(figures["off_50"].as_f64() <= figures["off_10"].as_f64(), "{figures}");
+    }
+    assert!(view["leak"].as_f64() >= Some(0.0), "{view}");
+    assert!(view["edge_pixels"].as_u64() > Some(0) && view["smooth_pixels"].as_u64() > Some(0), "{view}");
     assert_eq!(metrics["area"]["points"], 100);
     for name in ["mean", "p95", "max"] {
         assert!(metrics["operator_norm"][name].as_f64() > Some(0.0), "{name}");
@@ -169,6 +177,20 @@ fn limits_and_mistakes_have_their_exit_codes() {
     assert!(page.contains("The views are above the limit") && page.contains("The receivers are within the limit"));
     assert_eq!(code(&validate(&file, &quality, &["--max-view-nrmse", "1000"])), 0);
 
+    // And for what edges and walls look like.
+    let both = ["--max-leak", "1000", "--max-mottling", "0.0001"];
+    let output = validate(&file, &quality, &both);
+    assert_eq!(code(&output), 7, "{}", stderr(&output));
+    let mottling = "mottling of surfaces that front sees under the scene's own light is";
+    assert!(stderr(&output).contains(mottling), "{}", stderr(&output));
+    let page = std::fs::read_to_string(path(folder.path(), "quality/index.html")).expect("a page");
+    assert!(
+        page.contains("The edges are within the limit") && page.contains("The smooth surfaces are above the limit")
+    );
+    let output = validate(&file, &quality, &["--max-leak", "0.000001"]);
+    assert_eq!(code(&output), 7, "{}", stderr(&output));
+    assert!(stderr(&output).contains("leak at edges that front sees"), "{}", stderr(&output));
+
     let dark = path(folder.path(), "dark.json");
     std::fs::write(&dark, r#"{"lights":[]}"#).expect("written");
     let output = validate(&file, &quality, &["--lights", &dark]);
@@ -189,6 +211,8 @@ fn limits_and_mistakes_have_their_exit_codes() {
         ["--sweep", "degree"],
         ["--max-nrmse", "-1"],
         ["--max-view-nrmse", "0"],
+        ["--max-leak", "-1"],
+        ["--max-mottling", "0"],
         ["--bounces", "0"],
         ["--error", "nan"],
     ] {

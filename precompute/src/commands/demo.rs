@@ -11,7 +11,7 @@ use localprt_precompute::picture::Exposure;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::settings::Preset;
 use localprt_precompute::validate::path_tracer::PathBudget;
-use localprt_precompute::validate::{MeasureSettings, State};
+use localprt_precompute::validate::{Limits, MeasureSettings, State};
 use std::fmt::Write as _;
 use std::fs;
 
@@ -81,8 +81,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
         },
         sweeps: &[],
         failure_case: false,
-        max_nrmse: None,
-        max_view_nrmse: None,
+        limits: Limits::default(),
     };
     job.run(&baked, &caster, progress)?;
     let page = quality.join("index.html");

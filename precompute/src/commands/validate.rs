@@ -13,8 +13,9 @@ use localprt_precompute::validate::pages::{self, Context};
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
 use localprt_precompute::validate::seen::SeenError;
+use localprt_precompute::validate::state::View;
 use localprt_precompute::validate::viewpoints::viewpoints;
-use localprt_precompute::validate::{self, MeasureSettings, State, StateFindings, Subject, Sweep};
+use localprt_precompute::validate::{self, Limits, MeasureSettings, State, StateFindings, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
 use std::fs;
 use std::path::Path;
@@ -47,8 +48,12 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         settings,
         sweeps: &command.sweep,
         failure_case: command.failure_case,
-        max_nrmse: command.max_nrmse,
-        max_view_nrmse: command.max_view_nrmse,
+        limits: Limits {
+            nrmse: command.max_nrmse,
+            view_nrmse: command.max_view_nrmse,
+            leak: command.max_leak,
+            mottling: command.max_mottling,
+        },
     };
     job.run(&baked, &caster, progress)
 }
@@ -69,10 +74,8 @@ pub struct Job<'a> {
     pub sweeps: &'a [(String, Vec<String>)],
     /// Whether to add the failure case.
     pub failure_case: bool,
-    /// Limit of the nrmse over receivers.
-    pub max_nrmse: Option<f64>,
-    /// Limit of the nrmse of what a view shows.
-    pub max_view_nrmse: Option<f64>,
+    /// Largest figures allowed.
+    pub limits: Limits,
 }
 
 impl Job<'_> {
@@ -101,8 +104,7 @@ impl Job<'_> {
             findings: &findings,
             settings: self.settings,
             file: self.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            max_nrmse: self.max_nrmse,
-            max_view_nrmse: self.max_view_nrmse,
+            limits: self.limits,
             file_bytes: fs::metadata(self.file).map_or(0, |data| data.len()),
             seconds: started.elapsed().as_secs_f64(),
         };
@@ -126,11 +128,14 @@ impl Job<'_> {
                 progress.note(&match view.error.points {
                     0 => format!("  {} sees no indirect light on lightmap texels", view.camera),
                     _ => format!(
-                        "  seen by {}: {}, FLIP {:.4} (halves of the reference {:.4})",
+                        "  seen by {}: {}, FLIP {:.4} (halves of the reference {:.4}), leak {:.4}, edge ratio {:.2}, mottling {:.4}",
                         view.camera,
                         seen_figures(&view.error),
                         view.flip,
-                        view.flip_noise
+                        view.flip_noise,
+                        view.edges.leak,
+                        view.edges.ratio,
+                        view.mottling.rms
                     ),
                 });
             }
@@ -144,7 +149,7 @@ impl Job<'_> {
             self.leave(&ReferenceFile::of(baked.content_hash(), &view, &findings.sample, state, bounces), progress);
         }
         self.gate(&findings.states)?;
-        self.gate_views(&findings.states)
+        self.view_gates().iter().try_for_each(|gate| self.gate_views(gate, &findings.states))
     }
 
     /// The given views, or those that show most from where probes stand, or one of the whole scene.
@@ -165,25 +170,52 @@ impl Job<'_> {
         }
     }
 
-    /// Fails where a view shows more error than the user allows, or no view shows anything to compare.
-    fn gate_views(&self, states: &[StateFindings]) -> Result<(), CommandError> {
-        let Some(allowed) = self.max_view_nrmse else { return Ok(()) };
+    /// The limits of what views show.
+    fn view_gates(&self) -> [ViewGate; 3] {
+        [
+            ViewGate {
+                allowed: self.limits.view_nrmse,
+                what: "nrmse of what",
+                found: |view| (view.error.points > 0).then_some(view.error.nrmse),
+                nothing: "no view shows indirect light",
+                remedy: "more receivers or more probes lower it",
+            },
+            ViewGate {
+                allowed: self.limits.leak,
+                what: "leak at edges that",
+                found: |view| (view.edges.pixels > 0).then_some(view.edges.leak),
+                nothing: "no view shows edges in indirect light",
+                remedy: "more receivers lower it",
+            },
+            ViewGate {
+                allowed: self.limits.mottling,
+                what: "mottling of surfaces that",
+                found: |view| (view.mottling.pixels > 0).then_some(view.mottling.rms),
+                nothing: "no view shows smooth surfaces in indirect light",
+                remedy: "more probes or a higher --probe-degree lower it",
+            },
+        ]
+    }
+
+    /// Fails where a view is worse than the user allows, or no view shows anything to compare.
+    fn gate_views(&self, gate: &ViewGate, states: &[StateFindings]) -> Result<(), CommandError> {
+        let Some(allowed) = gate.allowed else { return Ok(()) };
         let page = self.output.join("index.html");
         for state in states.iter().filter(|state| state.state.counts) {
+            let light = &state.state.name;
             let fails =
                 |what: String, help: String| Err(CommandError::new(Exit::Quality, what).in_file(self.file).help(help));
-            if state.views.iter().all(|view| view.error.points == 0) {
-                let what = format!("no view shows indirect light under {}: nothing to compare", state.state.name);
+            if state.views.iter().all(|view| (gate.found)(view).is_none()) {
+                let what = format!("{} under {light}: nothing to compare", gate.nothing);
                 return fails(what, "point a camera of the scene at lit surfaces, or choose one with --camera".into());
             }
             for view in &state.views {
-                let nrmse = view.error.nrmse;
-                if nrmse > allowed || nrmse.is_nan() {
-                    let (camera, light) = (&view.camera, &state.state.name);
-                    let what =
-                        format!("nrmse of what {camera} sees under {light} is {nrmse:.4}, allowed is {allowed:.4}");
-                    let help = format!("{} shows where; more receivers or more probes lower it", page.display());
-                    return fails(what, help);
+                let Some(found) = (gate.found)(view) else { continue };
+                // A figure that is not a number is not below any limit.
+                if found > allowed || found.is_nan() {
+                    let (what, camera) = (gate.what, &view.camera);
+                    let what = format!("{what} {camera} sees under {light} is {found:.4}, allowed is {allowed:.4}");
+                    return fails(what, format!("{} shows where; {}", page.display(), gate.remedy));
                 }
             }
         }
@@ -192,7 +224,7 @@ impl Job<'_> {
 
     /// Fails above the limit that the user set.
     fn gate(&self, states: &[StateFindings]) -> Result<(), CommandError> {
-        let Some(allowed) = self.max_nrmse else { return Ok(()) };
+        let Some(allowed) = self.limits.nrmse else { return Ok(()) };
         for state in states.iter().filter(|state| state.state.counts) {
             let nrmse = state.methods[0].nrmse;
             // A figure that is not a number is not below any limit.
@@ -205,6 +237,18 @@ impl Job<'_> {
         }
         Ok(())
     }
+}
+
+/// A limit of a figure of every view.
+struct ViewGate {
+    allowed: Option<f64>,
+    /// The figure, up to the name of the camera.
+    what: &'static str,
+    /// `None` where the view shows nothing to measure it by.
+    found: fn(&View) -> Option<f64>,
+    /// Said where no view does.
+    nothing: &'static str,
+    remedy: &'static str,
 }
 
 /// What a line on the console says of points.

@@ -101,11 +101,7 @@ impl ChartPyramid {
 
     /// Area of a texel of the map at a surface point, m^2; infinite where the face is a point of the map.
     pub fn texel_m2(&self, scene: &Scene, atlas: &Atlas, point: &FacePoint) -> f32 {
-        let [a, b, c] = atlas.corners[point.face.0 as usize];
-        let corners = scene.corners(point.mesh, point.triangle);
-        let area_m2 = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-        let area_uv = (b - a).perp_dot(c - a).abs();
-        if area_uv > 0.0 { area_m2 / (area_uv * (self.size * self.size) as f32) } else { f32::INFINITY }
+        atlas.texel_m2(scene, point, self.size)
     }
 
     /// The four texels of a bilinear lookup hold the chart's texels or nothing, and not nothing alone.

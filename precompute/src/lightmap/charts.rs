@@ -77,6 +77,16 @@ impl Atlas {
         }
         self.chart.iter().map(|&chart| has_area[chart as usize]).collect()
     }
+
+    /// Area of a texel at a surface point, in a map of `size` texels per side, m^2; infinite where the face is a point of the
+    /// map.
+    pub fn texel_m2(&self, scene: &Scene, point: &FacePoint, size: u32) -> f32 {
+        let [a, b, c] = self.corners[point.face.0 as usize];
+        let corners = scene.corners(point.mesh, point.triangle);
+        let area_m2 = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+        let area_uv = (b - a).perp_dot(c - a).abs();
+        if area_uv > 0.0 { area_m2 / (area_uv * (size * size) as f32) } else { f32::INFINITY }
+    }
 }
 
 /// Joins faces that lie in one point of the map with the lowest face with area that has a corner there.

@@ -67,6 +67,14 @@ pub fn nrmse_without_worst(found: &[Vec3], reference: &[Vec3], share: f64) -> f6
     (squares.iter().sum::<f64>() / (3.0 * squares.len().max(1) as f64)).sqrt() / mean
 }
 
+/// Share of the points where `|E - E_ref|` is above this share of `mean(E_ref)`; luminance.
+pub fn share_off(found: &[Vec3], reference: &[Vec3], share: f64) -> f64 {
+    let n = reference.len().max(1) as f64;
+    let mean = reference.iter().map(|color| luminance(color.as_dvec3())).sum::<f64>() / n;
+    let error = |(found, reference): (&Vec3, &Vec3)| luminance(found.as_dvec3() - reference.as_dvec3()).abs();
+    found.iter().zip(reference).filter(|&pair| error(pair) > share * mean).count() as f64 / n
+}
+
 /// `|E - E_ref| / max(E_ref, 0.05 mean E_ref)` of luminance, per receiver.
 pub fn relative_errors(found: &[Vec3], reference: &[Vec3]) -> Vec<f64> {
     let brightness = |color: &Vec3| luminance(color.as_dvec3());
@@ -168,6 +176,15 @@ mod tests {
         let bright = [Vec3::splat(1.0), Vec3::splat(3.0)];
         assert!((nrmse_without_worst(&[Vec3::splat(1.5), Vec3::splat(9.0)], &bright, 0.5) - 0.25).abs() < 1e-12);
         assert_eq!(nrmse_without_worst(&found[..1], &[Vec3::ZERO], 0.01), 0.0);
+    }
+
+    #[test]
+    fn points_are_off_by_shares_of_the_mean_and_not_of_their_own_light() {
+        // The mean is 2: limits are 0.2 and 1.
+        let reference = [Vec3::splat(0.25), Vec3::splat(3.75), Vec3::splat(2.0), Vec3::splat(2.0)];
+        let found = [Vec3::splat(0.375), Vec3::splat(4.0), Vec3::splat(0.5), Vec3::splat(2.0)];
+        assert_eq!([0.1, 0.5, 0.9].map(|share| share_off(&found, &reference, share)), [0.5, 0.25, 0.0]);
+        assert_eq!(share_off(&[], &[], 0.1), 0.0);
     }
 
     #[test]

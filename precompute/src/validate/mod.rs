@@ -8,6 +8,7 @@
 //! | [`path_tracer`] | the reference: irradiance with standard errors, pictures |
 //! | [`last_leg`] | compressed, uncompressed, the comparators of figure 8, and the steps between truth and result |
 //! | [`seen`], [`viewpoints`] | the lightmap as an engine reads it, at points that a camera sees and at points by area |
+//! | [`surface_pixels`], [`edges`], [`mottling`] | what a view shows beside edges, and blotches on smooth surfaces |
 //! | [`metrics`], [`flip`] | errors, each beside its formula |
 //! | [`parts`] | what the error is made of, and why the worst receivers are wrong |
 //! | [`steps`] | steps across chart seams and cluster borders |
@@ -16,11 +17,13 @@
 //! | [`sweep`], [`failure`] | the same scene baked with other options, and lit where it is worst |
 
 pub mod coverage;
+pub mod edges;
 pub mod failure;
 pub mod flip;
 pub mod last_leg;
 pub mod lit;
 pub mod metrics;
+pub mod mottling;
 pub mod operator_norm;
 pub mod pages;
 pub mod parts;
@@ -31,6 +34,7 @@ pub mod selection;
 pub mod state;
 pub mod steps;
 pub mod subject;
+pub mod surface_pixels;
 pub mod sweep;
 pub mod viewpoints;
 
@@ -89,6 +93,19 @@ impl Default for MeasureSettings {
             pairs: 1000,
         }
     }
+}
+
+/// The largest figures allowed, where there is a limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// nrmse over receivers.
+    pub nrmse: Option<f64>,
+    /// nrmse of what a view shows.
+    pub view_nrmse: Option<f64>,
+    /// Leak at the edges that a view shows.
+    pub leak: Option<f64>,
+    /// Mottling of the smooth surfaces that a view shows.
+    pub mottling: Option<f64>,
 }
 
 /// Everything found about a baked file.

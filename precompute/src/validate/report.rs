@@ -92,6 +92,16 @@ pub struct ViewFigures {
     pub flip_noise: f64,
     /// Mean unseen share of the receivers that are read.
     pub unseen: f64,
+    /// Share of the pixels where luminance is off by more than 10 % of the mean of the reference.
+    pub off_10: f64,
+    /// The same with 50 %.
+    pub off_50: f64,
+    /// Light above the reference at edges, over its mean: [`super::edges::Edges::leak`].
+    pub leak: f64,
+    /// How much brighter edges are than any surface around: [`super::edges::Edges::ratio`].
+    pub edge_ratio: f64,
+    /// Blotches on smooth surfaces, RMS over the light there: [`super::mottling::Mottling::rms`].
+    pub mottling: f64,
     /// nrmse without the worst 1 % of the pixels.
     pub nrmse_99: f64,
     /// 99th percentile of the relative error.
@@ -102,6 +112,10 @@ pub struct ViewFigures {
     pub standard_error: f64,
     /// Pixels compared; 0 where the camera sees no lightmap texels, or no indirect light reaches those it sees.
     pub pixels: usize,
+    /// Pixels at edges, of the smooth picture.
+    pub edge_pixels: usize,
+    /// Pixels on smooth surfaces, of the smooth picture.
+    pub smooth_pixels: usize,
 }
 
 impl ViewFigures {
@@ -115,11 +129,18 @@ impl ViewFigures {
             flip: view.flip,
             flip_noise: view.flip_noise,
             unseen: error.unseen,
+            off_10: error.off_10,
+            off_50: error.off_50,
+            leak: view.edges.leak,
+            edge_ratio: view.edges.ratio,
+            mottling: view.mottling.rms,
             nrmse_99: error.nrmse_99,
             p99_relative: error.p99_relative,
             bias: error.bias,
             standard_error: error.standard_error,
             pixels: error.points,
+            edge_pixels: view.edges.pixels,
+            smooth_pixels: view.mottling.pixels,
         }
     }
 }

@@ -5,7 +5,7 @@
 //! figures hold what texels do to the light as well: a read between four of them, over gutters and beside edges.
 
 use super::{
-    metrics::{MethodError, nrmse_without_worst, rms},
+    metrics::{MethodError, nrmse_without_worst, rms, share_off},
     path_tracer::{Estimates, SurfacePoint},
     subject::Subject,
 };
@@ -59,6 +59,10 @@ pub struct SeenError {
     pub unseen: f64,
     /// RMS of the reference's standard error, over its mean.
     pub standard_error: f64,
+    /// Share of the points where the luminance is off by more than 10 % of the mean of the reference.
+    pub off_10: f64,
+    /// The same with 50 %.
+    pub off_50: f64,
     /// Points.
     pub points: usize,
 }
@@ -71,6 +75,7 @@ impl SeenError {
         let mean = super::metrics::mean(&reference.irradiance);
         let shares: Vec<f64> =
             points.iter().filter_map(|seen| unseen.sample(seen.uv)).map(|share| f64::from(share.x)).collect();
+        let [off_10, off_50] = [0.1, 0.5].map(|share| share_off(&found, &reference.irradiance, share));
         Self {
             nrmse: error.nrmse,
             median_relative: error.median_relative,
@@ -80,6 +85,8 @@ impl SeenError {
             p99_relative: error.p99_relative,
             unseen: shares.iter().sum::<f64>() / shares.len().max(1) as f64,
             standard_error: rms(reference.standard_error.iter().map(|error| error.as_dvec3())) / mean,
+            off_10,
+            off_50,
             points: points.len(),
         }
     }

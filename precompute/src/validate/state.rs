@@ -2,16 +2,19 @@
 
 use super::{
     MeasureSettings,
+    edges::{Edges, is_at_edge},
     flip::mean_flip,
     last_leg::{LastLeg, TruthLeg, last_leg, truth_leg},
     lit::{Lit, light},
     metrics::{MethodError, mean},
+    mottling::Mottling,
     parts::{ErrorParts, Worst, parts},
     path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings, luminance},
     seen::{SeenError, SeenPoint},
     selection::{Pairs, spread, thin},
     steps::Steps,
     subject::Subject,
+    surface_pixels::{SurfacePixel, SurfacePixels},
 };
 use crate::{error::BakeError, picture::Exposure, progress::Progress};
 use glam::Vec3;
@@ -80,10 +83,25 @@ pub struct View {
     pub ev: f32,
     /// The lightmap where the camera sees it.
     pub error: SeenError,
+    /// Light beside edges, by [`View::smooth`].
+    pub edges: Edges,
+    /// Blotches on smooth surfaces, by the same.
+    pub mottling: Mottling,
+    /// Which pixels of [`View::smooth`] those figures are of.
+    pub shown: Shown,
     /// FLIP of the compressed light.
     pub flip: f64,
     /// FLIP between two independent halves of the reference, which have twice the noise of the whole.
     pub flip_noise: f64,
+}
+
+/// Pixels at edges and on smooth surfaces.
+#[derive(Clone, Debug, Default)]
+pub struct Shown {
+    /// Whether each pixel is at an edge.
+    pub at_edge: Vec<bool>,
+    /// Error less the mean around, over the mean of the reference around; NaN where it is not measured.
+    pub deviation: Vec<f32>,
 }
 
 /// Everything measured under one lighting state.
@@ -154,9 +172,10 @@ pub fn measure(
         Ok::<_, BakeError>(SeenError::of(points, &lit.relit.irradiance_map, &unseen, &reference))
     };
     let mut views = views(&tracer, cameras, settings, progress)?;
-    for (view, points) in views.iter_mut().zip(&seen_points.views) {
+    for ((view, camera), points) in views.iter_mut().zip(cameras).zip(&seen_points.views) {
         view.error = seen_error(points)?;
         view.flip = view.flip(&lit.relit.irradiance_map);
+        view.measure_surfaces(subject, camera, &lit.relit.irradiance_map);
     }
     let area = seen_error(&seen_points.area)?;
 
@@ -259,7 +278,18 @@ fn views(
             paths *= 2;
         };
         let flip_noise = noise(&smooth, ev);
-        Ok(View { camera: camera.name.clone(), light, smooth, ev, error: SeenError::default(), flip: 0.0, flip_noise })
+        Ok(View {
+            camera: camera.name.clone(),
+            light,
+            smooth,
+            ev,
+            error: SeenError::default(),
+            edges: Edges::default(),
+            mottling: Mottling::default(),
+            shown: Shown::default(),
+            flip: 0.0,
+            flip_noise,
+        })
     };
     cameras.iter().map(view).collect()
 }
@@ -271,6 +301,19 @@ fn noise(light: &ViewLight, ev: f32) -> f64 {
 }
 
 impl View {
+    /// Edges and smooth surfaces with indirect light from a map.
+    fn measure_surfaces(&mut self, subject: &Subject<'_>, camera: &Camera, map: &CoverageMap) {
+        let surfaces = SurfacePixels::of(subject, camera, &self.smooth, map);
+        let above = |pixel: &SurfacePixel| pixel.position + pixel.geometric_normal * subject.caster.offset_m();
+        self.edges = Edges::of(&surfaces, |from, to| subject.caster.visible(above(from), above(to)));
+        let n_pixels = self.smooth.rays.len();
+        (self.mottling, self.shown.deviation) = Mottling::of(&surfaces, n_pixels);
+        self.shown.at_edge = vec![false; n_pixels];
+        for pixel in surfaces.pixels.iter().filter(|pixel| is_at_edge(pixel)) {
+            self.shown.at_edge[pixel.pixel as usize] = true;
+        }
+    }
+
     /// Mean FLIP against the reference of a picture with indirect light from a map.
     pub(super) fn flip(&self, map: &CoverageMap) -> f64 {
         let picture = self.smooth.picture(|light| light.radiance(sampled(map, light)));

@@ -6,7 +6,7 @@ mod maps;
 mod pictures;
 mod text;
 
-use super::{Findings, MeasureSettings, Subject, report::Metrics};
+use super::{Findings, Limits, MeasureSettings, Subject, report::Metrics};
 use crate::{
     figures::{Page, Rgb8Image},
     output::{OutputError, write_file, write_png},
@@ -23,10 +23,8 @@ pub struct Context<'a> {
     pub settings: MeasureSettings,
     /// Name of the file as given.
     pub file: String,
-    /// Largest nrmse over receivers allowed, if there is a limit.
-    pub max_nrmse: Option<f64>,
-    /// Largest nrmse of what a view shows allowed, if there is a limit.
-    pub max_view_nrmse: Option<f64>,
+    /// Largest figures allowed.
+    pub limits: Limits,
     /// Its size in bytes.
     pub file_bytes: u64,
     /// Wall time of the validation so far, seconds.

@@ -31,7 +31,7 @@ pub(super) fn section(
 ) -> Result<Section, OutputError> {
     let state = &context.findings.states[index];
     let figures = &metrics.states[index];
-    let mut blocks = vec![seen(figures), methods(figures)];
+    let mut blocks = vec![seen(figures), surfaces(figures), methods(figures)];
     for (number, view) in state.views.iter().enumerate() {
         blocks.extend(view_blocks(state, view, &format!("state{index}-view{number}"), folder)?);
     }
@@ -43,25 +43,27 @@ pub(super) fn section(
 fn seen(figures: &StateFigures) -> Block {
     let view = |view: &ViewFigures| {
         let error = [view.nrmse, view.nrmse_99, view.median_relative, view.p95_relative, view.p99_relative];
-        row(&view.name, error, view.bias, [view.unseen, view.standard_error], view.pixels, {
+        let shares = [view.off_10, view.off_50, view.unseen, view.standard_error];
+        row(&view.name, error, view.bias, shares, view.pixels, {
             format!("{:.4} ± {:.4}", view.flip, view.flip_noise)
         })
     };
-    fn row(name: &str, errors: [f64; 5], bias: f64, shares: [f64; 2], points: usize, flip: String) -> Vec<String> {
+    fn row(name: &str, errors: [f64; 5], bias: f64, shares: [f64; 4], points: usize, flip: String) -> Vec<String> {
         if points == 0 {
-            let nothing = ["0"].into_iter().chain(["–"; 9]).map(String::from);
+            let nothing = ["0"].into_iter().chain(["–"; 11]).map(String::from);
             return [name.to_owned()].into_iter().chain(nothing).collect();
         }
-        let [unseen, noise] = shares.map(percent);
+        let [off_10, off_50, unseen, noise] = shares.map(percent);
         [name.to_owned(), points.to_string()]
             .into_iter()
             .chain(errors.map(percent))
-            .chain([signed_percent(bias), flip, unseen, noise])
+            .chain([off_10, off_50, signed_percent(bias), flip, unseen, noise])
             .collect()
     }
     let area = &figures.area;
     let errors = [area.nrmse, area.nrmse_99, area.median_relative, area.p95_relative, area.p99_relative];
-    let by_area = row("by area", errors, area.bias, [area.unseen, area.standard_error], area.points, "–".into());
+    let shares = [area.off_10, area.off_50, area.unseen, area.standard_error];
+    let by_area = row("by area", errors, area.bias, shares, area.points, "–".into());
     let head = [
         "seen by",
         "points",
@@ -70,6 +72,8 @@ fn seen(figures: &StateFigures) -> Block {
         "median",
         "95 %",
         "99 %",
+        "off by 10 %",
+        "off by 50 %",
         "bias",
         "FLIP",
         "unseen",
@@ -80,7 +84,34 @@ fn seen(figures: &StateFigures) -> Block {
         head: head.map(String::from).to_vec(),
         rows: figures.views.iter().map(view).chain([by_area]).collect(),
         note: "The lightmap, read as an engine reads it, against path tracing at the same points. The figure beside FLIP is \
-               FLIP between two halves of the reference. Where there is no indirect light nothing is compared."
+               FLIP between two halves of the reference. Off by 10 % and 50 %: share of the points, of the mean of the reference. \
+               Where there is no indirect light nothing is compared."
+            .into(),
+        highlight_row: None,
+    }
+}
+
+/// What views show beside edges and on smooth surfaces.
+fn surfaces(figures: &StateFigures) -> Block {
+    let row = |view: &ViewFigures| {
+        let measured = |pixels: usize, figure: String| if pixels > 0 { figure } else { "–".into() };
+        vec![
+            view.name.clone(),
+            view.edge_pixels.to_string(),
+            measured(view.edge_pixels, percent(view.leak)),
+            measured(view.edge_pixels, format!("{:.2}", view.edge_ratio)),
+            view.smooth_pixels.to_string(),
+            measured(view.smooth_pixels, percent(view.mottling)),
+        ]
+    };
+    let head = ["seen by", "pixels at edges", "leak", "edge ratio", "pixels on smooth surfaces", "mottling"];
+    Block::Table {
+        title: "Edges and smooth surfaces".into(),
+        head: head.map(String::from).to_vec(),
+        rows: figures.views.iter().map(row).collect(),
+        note: "Leak: light above the reference beside edges, over its mean in the view. Edge ratio: how many times brighter an edge \
+               is than the reference anywhere around it on the same surface; 99.9 % of the edge pixels are below. Mottling: RMS \
+               of the error less its local mean, over the light there."
             .into(),
         highlight_row: None,
     }
@@ -192,18 +223,51 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     let file = folder.picture(&format!("{name}-light-reference"), &develop(&reference_light, ev))?;
     lights.insert(1, NamedImage { name: "reference".into(), file, caption: "path traced at every pixel".into() });
 
-    let errors = relative_error(state, view);
-    let map = HeatMap {
-        width: view.light.width,
-        height: view.light.height,
-        values: &enlarged(view, &errors),
-        background: NOTHING,
-        title: "Error of the indirect irradiance",
-        unit: "share of the mean",
-        ramp: Ramp::Diverging,
-        range: nice_signed_range(&errors, 99.0),
+    let heat = |kind: &str, title: &str, unit: &str, values: &[f32], range: [f32; 2], caption: &str| {
+        let map = HeatMap {
+            width: view.light.width,
+            height: view.light.height,
+            values: &enlarged(view, values),
+            background: NOTHING,
+            title,
+            unit,
+            ramp: Ramp::Diverging,
+            range,
+        };
+        let file = folder.picture(&format!("{name}-{kind}"), &map.draw())?;
+        Ok::<_, OutputError>(NamedImage { name: kind.into(), file, caption: caption.into() })
     };
-    let heat = folder.picture(&format!("{name}-error"), &map.draw())?;
+    let errors = relative_error(state, view);
+    let range = nice_signed_range(&errors, 99.0);
+    let at_edge = |(&error, &at_edge): (&f32, &bool)| if at_edge { error } else { f32::NAN };
+    let edges: Vec<f32> = errors.iter().zip(&view.shown.at_edge).map(at_edge).collect();
+    let deviation = &view.shown.deviation;
+    let maps = vec![
+        heat(
+            "error",
+            "Error of the indirect irradiance",
+            "share of the mean",
+            &errors,
+            range,
+            "(ours − reference) / mean reference, luminance: blue is too dark, red too bright. Grain is noise of the reference. Fewer pixels than above.",
+        )?,
+        heat(
+            "edges",
+            "The same at edges",
+            "share of the mean",
+            &edges,
+            range,
+            "Pixels within two texels of a surface that stands on theirs or crosses it: red is leak.",
+        )?,
+        heat(
+            "mottling",
+            "Mottling",
+            "share of the light around",
+            deviation,
+            nice_signed_range(deviation, 99.0),
+            "Error less its local mean, over the local mean of the reference, on smooth surfaces.",
+        )?,
+    ];
     Ok(vec![
         Block::Compare {
             title: format!("Camera {}", view.camera),
@@ -215,16 +279,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
             caption: "All surfaces of albedo 0.5, no direct light: textures hide errors.".into(),
             images: lights,
         },
-        Block::Gallery {
-            title: String::new(),
-            images: vec![NamedImage {
-                name: "error".into(),
-                file: heat,
-                caption: "(ours − reference) / mean reference, luminance: blue is too dark, red too bright. Grain is noise of the reference. Fewer pixels than above."
-                    .into(),
-            }],
-            columns: 1,
-        },
+        Block::Gallery { title: String::new(), images: maps, columns: 1 },
     ])
 }
 

@@ -34,23 +34,41 @@ pub(super) fn verdict(context: &Context<'_>, metrics: &Metrics) -> Verdict {
     // Nothing to compare is no success.
     let dark = counted.iter().any(|state| state.views.iter().all(|view| view.pixels == 0));
     let of_views = shown.iter().map(|(_, view)| view.nrmse).reduce(f64::max).filter(|_| !dark);
-    let limits: Vec<(bool, String)> =
-        [(context.max_view_nrmse, of_views, "views"), (context.max_nrmse, Some(nrmse(worst)), "receivers")]
-            .into_iter()
-            .filter_map(|(allowed, found, what)| {
-                let allowed = allowed?;
-                let holds = found.is_some_and(|found| found <= allowed);
-                let place = match found {
-                    None => "no measure for",
-                    Some(_) if holds => "within",
-                    Some(_) => "above",
-                };
-                Some((holds, format!("The {what} are {place} the limit of {}.", percent(allowed))))
-            })
-            .collect();
+    let (leak, mottling) = (|view: &ViewFigures| view.leak, |view: &ViewFigures| view.mottling);
+    let of_edges = worst_of_views(&counted, |view| view.edge_pixels, leak);
+    let of_walls = worst_of_views(&counted, |view| view.smooth_pixels, mottling);
+    let limits: Vec<(bool, String)> = [
+        (context.limits.view_nrmse, of_views, "views"),
+        (context.limits.nrmse, Some(nrmse(worst)), "receivers"),
+        (context.limits.leak, of_edges, "edges"),
+        (context.limits.mottling, of_walls, "smooth surfaces"),
+    ]
+    .into_iter()
+    .filter_map(|(allowed, found, what)| {
+        let allowed = allowed?;
+        let holds = found.is_some_and(|found| found <= allowed);
+        let place = match found {
+            None => "no measure for",
+            Some(_) if holds => "within",
+            Some(_) => "above",
+        };
+        Some((holds, format!("The {what} are {place} the limit of {}.", percent(allowed))))
+    })
+    .collect();
     let passed = (!limits.is_empty()).then(|| limits.iter().all(|(holds, _)| *holds));
     let sentences = by_view.chain([of_receivers]).chain(limits.into_iter().map(|(_, sentence)| sentence));
     Verdict { passed, sentence: sentences.collect::<Vec<_>>().join(" "), numbers: numbers(&shown, worst, metrics) }
+}
+
+/// The largest figure of the views that have pixels for it; `None` where a state has no such view.
+fn worst_of_views(
+    states: &[&StateFigures],
+    pixels: impl Fn(&ViewFigures) -> usize,
+    figure: impl Fn(&ViewFigures) -> f64,
+) -> Option<f64> {
+    let of_state =
+        |state: &&StateFigures| state.views.iter().filter(|view| pixels(view) > 0).map(&figure).reduce(f64::max);
+    states.iter().map(of_state).collect::<Option<Vec<f64>>>()?.into_iter().reduce(f64::max)
 }
 
 /// The state's name, where there is more than one.
@@ -187,6 +205,10 @@ pub(super) fn method_section(context: &Context<'_>) -> Section {
         fact("median, 95 %, 99 %", "of |E − E_ref| / max(E_ref, 0.05 mean E_ref), luminance".into()),
         fact("bias", "mean(E − E_ref) / mean(E_ref)".into()),
         fact("seen", format!("the lightmap read bilinearly at {} points, each against path tracing at that very point: pixels of a view, or by area of the surfaces in the open. What texels do to the light is part of it", settings.points)),
+        fact("off by 10 %, 50 %", "share of the points where |E − E_ref| is more than that share of mean(E_ref), luminance".into()),
+        fact("leak", "mean of max(0, E − E_ref) over mean(E_ref), at pixels within two texels of a surface that stands on theirs or crosses it".into()),
+        fact("edge ratio", "99.9th percentile, at the same pixels, of E over the largest E_ref within three texels on the same surface in sight, or over 0.05 mean(E_ref)".into()),
+        fact("mottling", "RMS, at pixels without an edge within three texels, of the error less its mean within a quarter of the support radius on the same surface, over the mean of E_ref there. Noise of the reference cancels between its halves, here and in the leak".into()),
         fact("FLIP", format!("mean over the pixels of the views at {} pixels per row, 67 pixels per degree (Andersson et al. 2020), with paths until FLIP between two halves of the reference is {FLIP_NOISE}, at most {} a pixel. The larger pictures on this page have {} and show grain", settings.picture_width.min(FLIP_WIDTH), settings.flip_paths, settings.picture_paths)),
         fact("all methods", "read the same probe radiance, that of the last gather of the compressed relight".into()),
         fact("paper", "transport rows of Eq. 4, whatever the file's are".into()),
