@@ -82,9 +82,9 @@ impl Footprint {
         self.barycentrics(point).min_element() >= 0.0
     }
 
-    /// Distance from the centre of a texel to the nearest point of the triangle within the texel, and a sample point:
-    /// that point, moved a tenth of the way to the middle of what the texel holds of the triangle, so that it does not
-    /// lie on the triangle's border. `None` if the texel holds nothing of it.
+    /// Distance from the centre of a texel to the nearest point of the triangle within the texel, and a sample point: the middle of
+    /// what the texel holds of the triangle, for which it stands. On a strip narrower than a texel that is its middle, not one of
+    /// its borders. `None` if the texel holds nothing of it.
     pub(super) fn sample_in(&self, x: u32, y: u32) -> Option<(f64, DVec2)> {
         let low = DVec2::new(f64::from(x), f64::from(y));
         let held = Polygon::of(self.corners).clipped(low, low + 1.0);
@@ -93,19 +93,14 @@ impl Footprint {
             return None;
         }
         let center = low + 0.5;
-        let mut nearest = (f64::INFINITY, points[0]);
+        let mut nearest = f64::INFINITY;
         for (index, &a) in points.iter().enumerate() {
             let b = points[(index + 1) % points.len()];
             let edge = b - a;
             let along = ((center - a).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let point = a + edge * along;
-            let distance = point.distance(center);
-            if distance < nearest.0 {
-                nearest = (distance, point);
-            }
+            nearest = nearest.min((a + edge * along).distance(center));
         }
-        let middle = points.iter().sum::<DVec2>() / points.len() as f64;
-        Some((nearest.0, nearest.1.lerp(middle, 0.1)))
+        Some((nearest, points.iter().sum::<DVec2>() / points.len() as f64))
     }
 }
 
