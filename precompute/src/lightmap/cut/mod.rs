@@ -2,7 +2,7 @@
 //! on them.
 //!
 //! Whoever shares a cut edge is cut at the same point, over all meshes: the surface that is drawn has no T-junctions where it had
-//! none.
+//! none. `docs/edges.md` has method, figures and limits.
 
 mod by_scale;
 mod by_surfaces;
