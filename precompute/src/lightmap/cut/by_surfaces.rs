@@ -7,7 +7,7 @@
 use super::{
     EdgeKey, Walls, add_vertex,
     crossings::{Crossing, Standing},
-    key, place,
+    key, place, sorted,
     split::{Frame, On, SAME, Split},
 };
 use crate::rays::RayCaster;
@@ -28,12 +28,19 @@ const ASLANT: f64 = 0.342;
 /// Where edges are cut, from their lower ends, as bits: rising numbers from 0 to 1 have rising bits.
 type Cuts = HashMap<EdgeKey, BTreeSet<u64>>;
 
-/// A face of the scene with what stands on it.
+/// A face of the scene with what stands on it, its corners sorted by their places: the two sides of a triangle have the same parts.
 struct Face {
+    /// What stands on its own side.
     crossings: Vec<Crossing>,
+    /// Edge of a texel at the longest line along which it is split; 0 if it is whole.
+    texel_m: f64,
     split: Split,
     /// Edges by the places of their ends.
     edges: [EdgeKey; 3],
+    /// Which corner of the triangle each is.
+    order: [usize; 3],
+    /// Its own normal is the other one.
+    is_flipped: bool,
 }
 
 /// Cuts the scene's triangles where other surfaces stand on them, and gives the edges on which they do. `caster` holds the same
@@ -71,30 +78,38 @@ pub fn by_surfaces(scene: &mut Scene, caster: &RayCaster<'_>, texel_m: &(dyn Fn(
 }
 
 impl Face {
-    /// A face on which something stands.
+    /// A face that is cut: something stands on it, or on its other side.
     fn of(standing: &Standing<'_>, face: usize, corners: [Vec3; 3], texel_m: &dyn Fn(Vec3) -> f32) -> Option<Self> {
-        let frame = Frame::of(corners)?;
-        let crossings = standing.on(face, &frame, texel_m);
-        if crossings.is_empty() {
-            return None;
+        let frame = Frame::of(sorted(corners))?;
+        let whole = Self::whole(corners, &frame);
+        let own_side = if whole.is_flipped { -1.0 } else { 1.0 };
+        let lines_of = |side: f64| standing.on(face, &frame, side, texel_m);
+        let mut lines: [Vec<Crossing>; 2] = Default::default();
+        if standing.has_two_sides(face) {
+            lines = [1.0, -1.0].map(lines_of);
+        } else {
+            lines[usize::from(whole.is_flipped)] = lines_of(own_side);
         }
-        let mut face = Self::whole(corners, &frame);
-        crossings.iter().for_each(|line| face.split.along(line));
+        let texel_m = lines.iter().flatten().next()?.texel_m;
+        let mut face = Self { texel_m, ..whole };
+        lines.iter().flatten().for_each(|line| face.split.along(line));
         face.split.close();
-        Some(Self { crossings, ..face })
+        let [front, back] = lines;
+        Some(Self { crossings: if face.is_flipped { back } else { front }, ..face })
     }
 
     fn whole(corners: [Vec3; 3], frame: &Frame) -> Self {
-        let edges = edges(corners);
-        let is_upward = [0, 1, 2].map(|corner| edges[corner][0] == place(corners[corner]));
-        let split = Split::new(corners.map(|corner| frame.flat(corner.as_dvec3())), is_upward);
-        Self { crossings: Vec::new(), split, edges }
+        let mut order = [0, 1, 2];
+        order.sort_by_key(|&corner| place(corners[corner]));
+        let is_flipped = matches!(order, [0, 2, 1] | [1, 0, 2] | [2, 1, 0]);
+        let corners = sorted(corners);
+        let split = Split::new(corners.map(|corner| frame.flat(corner.as_dvec3())), [true, true, false]);
+        Self { crossings: Vec::new(), texel_m: 0.0, split, edges: edges(corners), order, is_flipped }
     }
 
     /// Cuts of an edge are one within this share of it.
     fn same(&self, edge: usize) -> f64 {
-        let texel_m = self.crossings.first().map_or(0.0, |line| line.texel_m);
-        (SAME * texel_m / self.split.edge_m(edge)).min(SAME)
+        (SAME * self.texel_m / self.split.edge_m(edge)).min(SAME)
     }
 
     /// Whether surfaces stand on the line between two points of the face.
@@ -154,11 +169,10 @@ fn agree(faces: &mut [Option<Face>]) -> Cuts {
 
 /// Cuts the edges of a face where others are cut that share them.
 fn cut_like_neighbors(face: &mut Option<Face>, corners: [Vec3; 3], cuts: &Cuts) {
-    let edges = edges(corners);
-    for (edge, key) in edges.iter().enumerate() {
+    for (edge, key) in edges(sorted(corners)).iter().enumerate() {
         let Some(cuts) = cuts.get(key) else { continue };
         if face.is_none() {
-            *face = Frame::of(corners).map(|frame| Face::whole(corners, &frame));
+            *face = Frame::of(sorted(corners)).map(|frame| Face::whole(corners, &frame));
         }
         for &bits in cuts {
             if let Some(face) = face {
@@ -179,20 +193,21 @@ fn rebuild(mesh: &mut Mesh, faces: Vec<Option<Face>>, walls: &mut HashSet<EdgeKe
             continue;
         };
         let split = &face.split;
+        let corners = face.order.map(|corner| triangle[corner]);
         let vertices: Vec<u32> = split
             .points
             .iter()
             .map(|point| match point.on {
-                On::Corner(corner) => triangle[corner],
+                On::Corner(corner) => corners[corner],
                 On::Edge(edge, along) => {
-                    let ends = [triangle[edge], triangle[(edge + 1) % 3]];
+                    let ends = [corners[edge], corners[(edge + 1) % 3]];
                     // From the lower end, so that all faces and meshes round alike.
                     let [low, high] = if split.is_upward(edge) { ends } else { [ends[1], ends[0]] };
                     *on_edges.entry(([low, high], along.to_bits())).or_insert_with(|| {
                         add_vertex(mesh, [low, high, low], Vec3::new((1.0 - along) as f32, along as f32, 0.0))
                     })
                 }
-                On::Inside => add_vertex(mesh, triangle, split.weights(point.at).as_vec3()),
+                On::Inside => add_vertex(mesh, corners, split.weights(point.at).as_vec3()),
             })
             .collect();
         if !face.crossings.is_empty() {
@@ -206,6 +221,7 @@ fn rebuild(mesh: &mut Mesh, faces: Vec<Option<Face>>, walls: &mut HashSet<EdgeKe
             cut.push(triangle);
         } else {
             let parts = split.triangles().into_iter().map(|part| part.map(|point| vertices[point as usize]));
+            let parts = parts.map(|[a, b, c]| if face.is_flipped { [a, c, b] } else { [a, b, c] });
             // Cuts that were made one leave nothing between them.
             cut.extend(parts.filter(|[a, b, c]| a != b && b != c && c != a));
         }

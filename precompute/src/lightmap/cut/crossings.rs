@@ -1,10 +1,10 @@
 //! Where other surfaces stand on a face: lines along which what is on one side does not see what is on the other.
 
-use super::{EdgeKey, key, place, split::Frame};
+use super::{EdgeKey, key, place, sorted, split::Frame};
 use crate::rays::{BoxTree, RayCaster};
 use glam::{DVec2, DVec3, Vec3};
 use localprt_scenes::{AlphaMode, Scene};
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
 
 /// What stands on a face meets the plane this far above it, in texels. What hovers higher lets light pass below.
 const ABOVE: f64 = 0.05;
@@ -37,6 +37,8 @@ pub(super) struct Standing<'a> {
     is_masked: Vec<bool>,
     /// How many triangles share each edge, whichever side they show.
     sharing: HashMap<EdgeKey, u8>,
+    /// How many faces each triangle has, by the places of its corners in order: one for each side that there is.
+    sides: HashMap<[[u32; 3]; 3], u8>,
 }
 
 /// A line before those that follow each other are joined: its ends lie on edges of what stands there.
@@ -54,12 +56,11 @@ impl<'a> Standing<'a> {
         let is_masked = scene.faces().map(|(mesh, _)| material(mesh).alpha != AlphaMode::Opaque).collect();
         let tree = BoxTree::of(corners.iter().map(|[a, b, c]| (a.min(*b).min(*c), a.max(*b).max(*c))));
         let mut sharing: HashMap<EdgeKey, u8> = HashMap::with_capacity(3 * corners.len() / 2);
-        // A face and its other side are one.
-        let mut known = HashSet::with_capacity(corners.len());
+        let mut sides: HashMap<[[u32; 3]; 3], u8> = HashMap::with_capacity(corners.len());
         for corners in &corners {
-            let mut places = corners.map(place);
-            places.sort_unstable();
-            if !known.insert(places) {
+            let sides = sides.entry(sorted(*corners).map(place)).or_default();
+            *sides = sides.saturating_add(1);
+            if *sides > 1 {
                 continue;
             }
             for corner in 0..3 {
@@ -67,12 +68,18 @@ impl<'a> Standing<'a> {
                 *count = count.saturating_add(1);
             }
         }
-        Self { caster, tree, corners, is_masked, sharing }
+        Self { caster, tree, corners, is_masked, sharing, sides }
     }
 
-    /// What stands on a face, longest lines first; `texel_m` is the edge of a texel at a place.
-    pub(super) fn on(&self, face: usize, frame: &Frame, texel_m: &dyn Fn(Vec3) -> f32) -> Vec<Crossing> {
-        let corners = self.corners[face];
+    /// Whether there is a face for each side of a triangle.
+    pub(super) fn has_two_sides(&self, face: usize) -> bool {
+        self.sides[&sorted(self.corners[face]).map(place)] > 1
+    }
+
+    /// What stands on a face, longest lines first; on the side of its frame's normal if `side` is 1, on the other if it is -1.
+    /// `texel_m` is the edge of a texel at a place.
+    pub(super) fn on(&self, face: usize, frame: &Frame, side: f64, texel_m: &dyn Fn(Vec3) -> f32) -> Vec<Crossing> {
+        let corners = sorted(self.corners[face]);
         let [low, high] = bounds(corners);
         let of_face_m = f64::from(texel_m((corners[0] + corners[1] + corners[2]) / 3.0));
         if f64::from(longest(corners)) < SHORTEST * of_face_m {
@@ -87,7 +94,7 @@ impl<'a> Standing<'a> {
                 continue;
             }
             // Quickly: most lie behind, in the plane, or beside the face.
-            let heights = self.corners[other].map(|corner| frame.height(corner.as_dvec3()));
+            let heights = self.corners[other].map(|corner| side * frame.height(corner.as_dvec3()));
             let highest = heights.into_iter().fold(f64::MIN, f64::max);
             if highest <= 0.0 || is_beside(self.corners[other].map(|corner| frame.flat(corner.as_dvec3())), own) {
                 continue;
@@ -102,7 +109,7 @@ impl<'a> Standing<'a> {
             let [from, to] = clipped([line.from, line.to], own, MARGIN * line.texel_m)?;
             Some(Crossing { from, to, ..line })
         });
-        let mut found: Vec<Crossing> = lines.filter(|line| self.stops_looks(frame, line)).collect();
+        let mut found: Vec<Crossing> = lines.filter(|line| self.stops_looks(frame, side, line)).collect();
         let length = |line: &Crossing| line.from.distance_squared(line.to);
         found.sort_by(|a, b| length(b).total_cmp(&length(a)));
         found
@@ -121,11 +128,11 @@ impl<'a> Standing<'a> {
     }
 
     /// Whether looks across the line above its middle are stopped.
-    fn stops_looks(&self, frame: &Frame, line: &Crossing) -> bool {
+    fn stops_looks(&self, frame: &Frame, side: f64, line: &Crossing) -> bool {
         let along = line.to - line.from;
         let across = along.perp().normalize_or_zero() * (LOOK * line.texel_m);
         let middle = 0.5 * (line.from + line.to);
-        let at = |place: DVec2| (frame.place(place) + frame.normal * (HEIGHT * line.texel_m)).as_vec3();
+        let at = |place: DVec2| (frame.place(place) + frame.normal * (side * HEIGHT * line.texel_m)).as_vec3();
         !self.caster.visible(at(middle - across), at(middle + across))
     }
 }

@@ -59,6 +59,12 @@ fn place(position: Vec3) -> [u32; 3] {
     position.to_array().map(|value| (value + 0.0).to_bits())
 }
 
+/// Corners by their places: the same for both sides of a triangle, so that both are cut into the same parts.
+fn sorted(mut corners: [Vec3; 3]) -> [Vec3; 3] {
+    corners.sort_by_key(|&corner| place(corner));
+    corners
+}
+
 /// Adds a vertex to a mesh at these weights of three others, and its number. Sums do not depend on the order of two: meshes that
 /// share an edge get the same place.
 fn add_vertex(mesh: &mut Mesh, corners: [u32; 3], weights: Vec3) -> u32 {

@@ -4,7 +4,7 @@ use super::*;
 use crate::{
     lightmap::{
         Atlas, receivers,
-        test_scenes::{cuboid, merged, plane, scene},
+        test_scenes::{cuboid, inward, merged, plane, scene, sphere},
         unwrap::{self, LayoutSize, Wanted},
     },
     rays::RayCaster,
@@ -119,8 +119,8 @@ fn what_hovers_is_low_or_is_behind_cuts_nothing() {
 #[test]
 fn nothing_is_cut_where_nothing_stands() {
     // Neighbors that share edges, at all angles.
-    let ball = crate::lightmap::test_scenes::sphere("ball", Vec3::ZERO, 2.0, 12);
-    let bowl = crate::lightmap::test_scenes::inward(ball.clone());
+    let ball = sphere("ball", Vec3::ZERO, 2.0, 12);
+    let bowl = inward(ball.clone());
     for mesh in [ball, bowl, cuboid("box", Vec3::ZERO, Vec3::ONE * 2.0)] {
         let before = scene(vec![mesh]);
         let (after, walls) = cut(&before);
@@ -217,6 +217,29 @@ fn tilted_floors_stay_closed_where_lines_meet_their_edge_apart() {
     let (after, walls) = cut(&before);
     assert!(!walls.is_empty());
     assert_closed(&before, &after);
+}
+
+#[test]
+fn two_sides_of_a_face_are_cut_into_the_same_triangles() {
+    let floor = plane("floor", Vec3::new(-5.0, 0.0, -5.0), Vec3::X * 10.0, Vec3::Z * 10.0, 2, 1);
+    let back = inward(floor.clone());
+    // Above and below, in different places.
+    let above = plane("above", Vec3::new(-2.0, 0.0, 0.3), Vec3::X * 4.5, Vec3::Y * 2.0, 1, 1);
+    let below = plane("below", Vec3::new(0.5, 0.0, -3.0), Vec3::new(1.0, 0.0, 5.0), Vec3::NEG_Y * 2.0, 1, 1);
+    let before = scene(vec![floor, back, above, below]);
+    let (after, walls) = cut(&before);
+    assert!(walls.edges[0].len() > 1 && walls.edges[1].len() > 1 && walls.edges[0] != walls.edges[1]);
+    let triangles = |mesh: usize| -> Vec<[[u32; 3]; 3]> {
+        let of = |triangle| sorted(after.corners(mesh, triangle)).map(place);
+        let mut triangles: Vec<_> = (0..after.meshes[mesh].triangles.len()).map(of).collect();
+        triangles.sort_unstable();
+        triangles
+    };
+    assert!(triangles(0).len() > 6);
+    assert_eq!(triangles(0), triangles(1));
+    let up = |mesh: usize| (0..after.meshes[mesh].triangles.len()).map(move |face| (mesh, face));
+    assert!(up(0).all(|(mesh, face)| after.geometric_normal(mesh, face).y > 0.99));
+    assert!(up(1).all(|(mesh, face)| after.geometric_normal(mesh, face).y < -0.99));
 }
 
 #[test]
