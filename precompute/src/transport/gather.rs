@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 
 /// One in so many rays is looked up in all supporting probes (Eq. 4). Of the others a fitted row needs to know only what they meet,
 /// and whether any probe sees it: the correction (F3) takes out most of what few looked-up rays get wrong, and visibility
-/// rays to all probes are most of the cost of a ray.
+/// rays to all probes are most of the cost of a ray. Points in the open are few: all of their rays are looked up.
 const LOOKED_UP_ONE_IN: u32 = 4;
 
 /// Which directions a set holds, and what the outputs measure.
@@ -56,7 +56,12 @@ impl GatherSet {
             Domain::Sphere => directions::uniform_sphere,
         };
         let mut rays: Vec<(Vec3, bool)> = (0..n)
-            .map(|i| (Vec3::from(map(directions::fibonacci_square(i, n, shift))), i.is_multiple_of(LOOKED_UP_ONE_IN)))
+            .map(|i| {
+                (
+                    Vec3::from(map(directions::fibonacci_square(i, n, shift))),
+                    domain == Domain::Sphere || i.is_multiple_of(LOOKED_UP_ONE_IN),
+                )
+            })
             .collect();
         // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
         rays.sort_by_cached_key(|(direction, _)| {

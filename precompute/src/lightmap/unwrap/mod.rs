@@ -7,6 +7,7 @@
 mod authored;
 mod error;
 mod islands;
+mod joining;
 mod layout;
 mod pieces;
 mod uv_unwrap;
