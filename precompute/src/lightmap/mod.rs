@@ -1,7 +1,7 @@
 //! From a scene to lightmap texels and receivers.
 //!
-//! [`sides`] gives each live side of double-sided surfaces a face of its own; [`unwrap`] gives every face lightmap
-//! coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
+//! [`sides`] gives each live side of double-sided surfaces a face of its own; [`cut`] cuts faces where charts have to end;
+//! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
 //! size with them; [`receivers`] turns covered texels into receivers; [`samples`] spreads points over texels of the light map.
 
 mod chart_pyramid;

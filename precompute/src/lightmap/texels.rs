@@ -39,17 +39,10 @@ pub struct ReceiverMap<'a> {
 impl ReceiverMap<'_> {
     /// Whether a point of a face has a receiver at its place, and lies in no hole of an alpha mask.
     pub fn sends_light(&self, scene: &Scene, point: &FacePoint) -> bool {
-        let Vec2 { x, y } = self.place(point);
+        let Vec2 { x, y } = self.atlas.at(point);
         let at = |place: f32| ((place * self.size as f32).max(0.0) as u32).min(self.size - 1);
         self.has_receiver[(at(y) * self.size + at(x)) as usize]
             && scene.is_present(point.mesh, point.triangle, point.barycentrics)
-    }
-
-    /// Where a point of a face lies in the map, in 0..=1.
-    fn place(&self, point: &FacePoint) -> Vec2 {
-        let [a, b, c] = self.atlas.corners[point.face.0 as usize];
-        let weights = point.barycentrics;
-        a * weights.x + b * weights.y + c * weights.z
     }
 }
 
@@ -67,7 +60,7 @@ pub fn cover_visible(
         .texels
         .into_par_iter()
         .filter(|texel| receivers.sends_light(scene, &texel.point()))
-        .map(|texel| (texel, receivers.place(&texel.point())))
+        .map(|texel| (texel, receivers.atlas.at(&texel.point())))
         .unzip();
     (TexelMap { size, texels }, places)
 }

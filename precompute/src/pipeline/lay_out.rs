@@ -93,7 +93,7 @@ pub(super) struct LaidOut {
 }
 
 /// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
-/// with a face for each live side and large faces cut where they need very different densities.
+/// with a face for each live side, and faces cut where they need very different densities or where other surfaces stand on them.
 pub(super) fn lay_out(
     scene: &Scene,
     caster: &RayCaster<'_>,

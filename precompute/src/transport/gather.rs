@@ -7,7 +7,8 @@ use std::f32::consts::PI;
 
 /// One in so many rays is looked up in all supporting probes (Eq. 4). Of the others a fitted row needs to know only what they meet,
 /// and whether any probe sees it: the correction (F3) takes out most of what few looked-up rays get wrong, and visibility
-/// rays to all probes are most of the cost of a ray. Points in the open are few: all of their rays are looked up.
+/// rays to all probes are most of the cost of a ray. Points in the open are few: all of their rays are
+/// looked up; and so are those of receivers whose rows the fit cannot correct.
 const LOOKED_UP_ONE_IN: u32 = 4;
 
 /// Which directions a set holds, and what the outputs measure.
@@ -90,14 +91,6 @@ impl GatherSet {
     /// Rays over those that a fitted row looks up.
     pub fn rays_per_look_up(&self) -> f32 {
         self.directions.len() as f32 / self.looked_up.iter().filter(|&&is| is).count().max(1) as f32
-    }
-
-    /// Those rays alone.
-    #[cfg(test)]
-    pub fn of_looked_up(&self) -> Self {
-        let rays = self.directions.iter().zip(&self.looked_up).filter(|(_, is)| **is);
-        let (directions, looked_up) = rays.map(|(&direction, &is)| (direction, is)).unzip();
-        Self { directions, looked_up, ..*self }
     }
 
     /// Outputs per receiver, n_k.

@@ -160,12 +160,23 @@ impl Stand {
     }
 }
 
+/// Which rays are looked up in all probes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LookUps {
+    /// Those of [`GatherSet::looked_up`](super::GatherSet::looked_up), where a fit corrects what few get wrong; else all.
+    Few,
+    /// All.
+    All,
+}
+
 /// Fills `workspace.outputs` with the rows of one receiver.
 pub(super) fn receiver_rows(
     scene: &TransportScene<'_>,
     receiver: usize,
+    look_ups: LookUps,
     workspace: &mut Workspace,
 ) -> ReceiverFindings {
+    let all_looked_up = look_ups == LookUps::All || scene.fit.is_none();
     let caster = scene.caster;
     let gather = scene.gather;
     let n_k = gather.n_outputs();
@@ -214,7 +225,7 @@ pub(super) fn receiver_rows(
         // The back of a one-sided surface is black.
         let Some(point) = hit.point else { continue };
         let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal))));
-        let looked_up = looked_up || scene.fit.is_none();
+        let looked_up = looked_up || all_looked_up;
         workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
     }
     if let Some(fit) = scene.fit {
@@ -236,7 +247,7 @@ pub(super) fn receiver_rows(
         normal,
         receiver_basis: &receiver_basis,
         probes: &probes,
-        stands_for: if scene.fit.is_some() { gather.rays_per_look_up() } else { 1.0 },
+        stands_for: if all_looked_up { 1.0 } else { gather.rays_per_look_up() },
         saw_last: 0,
         unseen: 0.0,
         rays,

@@ -15,6 +15,7 @@ mod tests;
 pub use fit::{FitScene, LeafFit};
 pub use gather::{Domain, GatherSet};
 pub use kernel::Links;
+use kernel::LookUps;
 pub use near::{NearField, Node};
 
 use crate::{
@@ -135,7 +136,7 @@ impl TransportScene<'_> {
     pub fn linked(&self, receiver: u32) -> Vec<(Vec3, f32)> {
         let mut workspace = kernel::Workspace::default();
         if self.near.is_some() {
-            kernel::receiver_rows(self, receiver as usize, &mut workspace);
+            kernel::receiver_rows(self, receiver as usize, LookUps::Few, &mut workspace);
         }
         workspace.linked().collect()
     }
@@ -154,16 +155,23 @@ impl TransportScene<'_> {
         let mut rays = RayCounts::default();
         let mut workspace = kernel::Workspace::default();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
-            let receiver = kernel::receiver_rows(self, member as usize, &mut workspace);
-            unseen.push(receiver.unseen);
+            let support = self.support.of(member as usize);
+            let mut receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, &mut workspace);
             rays += receiver.rays;
+            if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
+                let mut correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
+                if !correction.is_made {
+                    // Nothing takes out what few rays got wrong.
+                    receiver = kernel::receiver_rows(self, member as usize, LookUps::All, &mut workspace);
+                    rays += receiver.rays;
+                    correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
+                }
+                variance.extend(correction.variance);
+            }
+            unseen.push(receiver.unseen);
             if self.near.is_some() {
                 // Gains have done their work.
                 links.push(Links { gains: Vec::new(), ..workspace.links.clone() });
-            }
-            let support = self.support.of(member as usize);
-            if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
-                variance.extend(fit.correct(support, &workspace.found, &mut workspace.outputs));
             }
             for (row, sums) in rows.chunks_exact_mut(n_columns).zip(&workspace.outputs) {
                 for (slot, id) in support.iter().enumerate() {

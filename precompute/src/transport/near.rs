@@ -18,7 +18,10 @@
 //! times how near they are, as the probes know near light least, and most of all what no probe sees. The rest stays with the
 //! probes.
 
-use super::{TransportScene, kernel};
+use super::{
+    TransportScene,
+    kernel::{self, LookUps},
+};
 use crate::{
     lightmap::{Atlas, ChartPyramid, Pieces, TexelMap},
     morton,
@@ -121,7 +124,7 @@ impl NearField {
         let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
         let of_receiver = |index: usize| {
             let mut workspace = kernel::Workspace::default();
-            kernel::receiver_rows(&scene, index * n_receivers / count, &mut workspace);
+            kernel::receiver_rows(&scene, index * n_receivers / count, LookUps::Few, &mut workspace);
             workspace.links.gains
         };
         let mut gains: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();

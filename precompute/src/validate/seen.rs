@@ -190,12 +190,7 @@ pub(super) fn of_hit(subject: &Subject<'_>, hit: &SurfaceHit) -> Option<SeenPoin
     if !has_texels(subject, face.face) {
         return None;
     }
-    let [a, b, c] = subject.atlas.corners[face.face.0 as usize];
-    let weights = face.barycentrics;
-    Some(SeenPoint {
-        point: SurfacePoint::of_hit(subject.caster.scene(), hit),
-        uv: a * weights.x + b * weights.y + c * weights.z,
-    })
+    Some(SeenPoint { point: SurfacePoint::of_hit(subject.caster.scene(), hit), uv: subject.atlas.at(&face) })
 }
 
 fn is_inside(subject: &Subject<'_>, point: &SurfacePoint) -> bool {

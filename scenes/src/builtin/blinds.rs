@@ -16,8 +16,7 @@
 //! ```
 
 use super::shapes::{Shape, sin_cos};
-use super::{camera, matte};
-use crate::lighting::{Light, LightKind};
+use super::{camera, matte, sun};
 use crate::scene::{Material, Mesh, Scene};
 use glam::{Vec2, Vec3};
 
@@ -107,16 +106,8 @@ pub(super) fn build() -> Scene {
     Scene {
         meshes,
         materials: materials(),
-        lights: vec![Light {
-            name: "sun".into(),
-            kind: LightKind::Directional,
-            position: Vec3::ZERO,
-            // Through the window towards +X, as far as the partition.
-            direction: Vec3::new(-0.8, -0.5, 0.2).normalize(),
-            color: Vec3::new(1.0, 0.95, 0.85),
-            intensity: 20.0,
-            range: None,
-        }],
+        // Through the window towards +X, as far as the partition.
+        lights: vec![sun(Vec3::new(-0.8, -0.5, 0.2))],
         cameras: vec![
             camera("room", Vec3::new(-0.7, 1.6, 2.2), Vec3::new(1.7, 0.9, -1.0), 62.0),
             camera("partition", Vec3::new(2.75, 1.55, -0.55), Vec3::new(-0.6, 0.85, 0.75), 62.0),

@@ -143,6 +143,19 @@ fn point_light(name: &str, position: Vec3, intensity: f32) -> Light {
     }
 }
 
+/// An afternoon's sun of 20 W m^-2 that shines in a direction.
+fn sun(direction: Vec3) -> Light {
+    Light {
+        name: "sun".into(),
+        kind: LightKind::Directional,
+        position: Vec3::ZERO,
+        direction: direction.normalize(),
+        color: Vec3::new(1.0, 0.95, 0.85),
+        intensity: 20.0,
+        range: None,
+    }
+}
+
 /// A camera with +Y up; `fov_y` in degrees.
 fn camera(name: &str, eye: Vec3, target: Vec3, fov_y: f32) -> Camera {
     let back = (eye - target).normalize();

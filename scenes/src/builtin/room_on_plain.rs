@@ -14,8 +14,7 @@
 //! ```
 
 use super::shapes::{Shape, noise, sin_cos};
-use super::{camera, matte};
-use crate::lighting::{Light, LightKind};
+use super::{camera, matte, sun};
 use crate::scene::{Material, Mesh, Scene};
 use glam::{Vec2, Vec3};
 
@@ -74,16 +73,8 @@ pub(super) fn build() -> Scene {
     Scene {
         meshes,
         materials: materials(),
-        lights: vec![Light {
-            name: "sun".into(),
-            kind: LightKind::Directional,
-            position: Vec3::ZERO,
-            // Through the windows towards +X, over the table.
-            direction: Vec3::new(-0.9, -0.38, 0.22).normalize(),
-            color: Vec3::new(1.0, 0.95, 0.85),
-            intensity: 20.0,
-            range: None,
-        }],
+        // Through the windows towards +X, over the table.
+        lights: vec![sun(Vec3::new(-0.9, -0.38, 0.22))],
         cameras: vec![camera("room", Vec3::new(-2.7, 1.6, 3.9), Vec3::new(0.75, 0.95, -1.4), 56.0)],
         ..Scene::default()
     }

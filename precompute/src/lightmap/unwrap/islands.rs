@@ -131,7 +131,7 @@ fn face_scale(scene: &Scene, mesh: usize, triangle: usize, scale: &LocalScale) -
 }
 
 /// Middles of the `steps²` equal triangles that a triangle falls into, as corner weights.
-pub(in crate::lightmap) fn subdivision(steps: u32) -> impl Iterator<Item = [f32; 3]> {
+pub(crate) fn subdivision(steps: u32) -> impl Iterator<Item = [f32; 3]> {
     let at = move |u: f32, v: f32| [u / steps as f32, v / steps as f32, 1.0 - (u + v) / steps as f32];
     (0..steps).flat_map(move |row| {
         (0..steps - row).flat_map(move |column| {

@@ -16,7 +16,7 @@ pub mod xatlas;
 pub use authored::usable_layout;
 pub use error::UnwrapError;
 pub use islands::Wanted;
-pub(super) use islands::subdivision;
+pub(crate) use islands::subdivision;
 pub use layout::Charts;
 pub use uv_unwrap::UvUnwrap;
 pub use xatlas::{XatlasChild, xatlas_child_main};

@@ -145,6 +145,14 @@ struct ProbeModes {
     variance: f32,
 }
 
+/// What became of the rows of one receiver.
+pub(super) struct Correction {
+    /// `[n_k]` predicted variance (F4) of each output.
+    pub variance: Vec<f32>,
+    /// Whether rows were corrected; else they are the paper's still.
+    pub is_made: bool,
+}
+
 impl FitScene {
     /// Traces the relight rays of all probes and the openness of all receivers.
     pub fn new(
@@ -323,8 +331,7 @@ impl LeafFit {
     }
 
     /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
-    /// Returns the predicted variance (F4) of each output.
-    pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Vec<f32> {
+    pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Correction {
         let n_sh = self.n_sh;
         // With what all surfaces have in common, which comes last.
         let n_modes = self.modes.len() + COMMON;
@@ -332,7 +339,7 @@ impl LeafFit {
         let weights = &found.seen_weights;
         let total: f32 = weights.iter().sum();
         if total <= 0.0 {
-            return vec![0.0; n_k];
+            return Correction { variance: vec![0.0; n_k], is_made: false };
         }
         // Probes that count: their columns in the row, weight and view.
         let probes: Vec<(usize, f32, &ProbeModes)> = support
@@ -382,7 +389,8 @@ impl LeafFit {
             variance += weight / total * view.variance;
         }
         let ridge = self.ridge * variance;
-        let of_the_papers_row = || y.chunks_exact(n_modes).map(|y| dot(y, y)).collect();
+        let of_the_papers_row =
+            || Correction { variance: y.chunks_exact(n_modes).map(|y| dot(y, y)).collect(), is_made: false };
         if ridge <= 0.0 {
             return of_the_papers_row();
         }
@@ -402,7 +410,8 @@ impl LeafFit {
             }
         }
         // (F4)
-        y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes)).map(|(y, z)| (ridge * dot(y, z)).max(0.0)).collect()
+        let of_outputs = y.chunks_exact(n_modes).zip(z.chunks_exact(n_modes));
+        Correction { variance: of_outputs.map(|(y, z)| (ridge * dot(y, z)).max(0.0)).collect(), is_made: true }
     }
 }
 
