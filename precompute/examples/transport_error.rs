@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = receivers.min(by_texel.len());
     let mut sample: Vec<u32> = (0..count).map(|index| by_texel[index * by_texel.len() / count]).collect();
     sample.sort_unstable();
-    let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
+    let points: Vec<_> = sample.iter().map(|&receiver| subject.sites(receiver)).collect();
 
     let mut frames = Vec::new();
     for lights in lights {
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Some(reference) => reference,
             None => {
                 let tracer = PathTracer::new(&caster, &lighting, bounces, SEED);
-                let reference = tracer.estimate(&points, PathBudget::default(), &progress)?.irradiance;
+                let reference = tracer.estimate_means(&points, PathBudget::default(), &progress)?.irradiance;
                 if let Some(kept) = kept {
                     write(&kept, &texels, &reference)?;
                 }
@@ -179,9 +179,12 @@ fn report_steps(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, pairs:
     let mut all: Vec<u32> = pairs.clusters.iter().chain(&pairs.within).flatten().copied().collect();
     all.sort_unstable();
     all.dedup();
-    let points: Vec<_> = all.iter().map(|&receiver| subject.point(receiver)).collect();
-    let reference =
-        PathTracer::new(subject.caster, lighting, bounces, SEED).estimate(&points, PathBudget::default(), &progress)?;
+    let points: Vec<_> = all.iter().map(|&receiver| subject.sites(receiver)).collect();
+    let reference = PathTracer::new(subject.caster, lighting, bounces, SEED).estimate_means(
+        &points,
+        PathBudget::default(),
+        &progress,
+    )?;
     let lit = lit::light(subject, lighting, bounces, &progress)?;
     let legs = last_leg::last_leg(subject, &lit, lighting, &all, &progress)?;
     let by_index = |value: &dyn Fn(usize) -> Vec3| -> Vec<f64> {

@@ -27,7 +27,7 @@ use failures::{placement_error, tree_error};
 use glam::Vec3;
 use lay_out::{LaidOut, Space, lay_out};
 use localprt_formats::{BakedArrays, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh};
-use localprt_scenes::Scene;
+use localprt_scenes::{Scene, SurfacePoint};
 use near_tiles::near_tiles;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -311,7 +311,8 @@ fn volume_transport(
     let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
     let (_, support, _) =
         probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
-    let receivers = ReceiverSet { position: cells.positions.clone(), ..ReceiverSet::default() };
+    let in_the_open = |&position: &Vec3| SurfacePoint { position, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO };
+    let receivers = ReceiverSet::of_points(&cells.positions.iter().map(in_the_open).collect::<Vec<_>>());
     let transport = TransportScene { receivers: &receivers, support: &support, ..*lightmap };
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
     // grows with their product.

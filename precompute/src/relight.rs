@@ -3,7 +3,12 @@
 //! Direct light is traced from the texels of the direct light map; the rest is `localprt_runtime`'s CPU relighter.
 
 use crate::{
-    lightmap::{Atlas, samples, samples::SAMPLES, texels, texels::ReceiverMap},
+    lightmap::{
+        Atlas,
+        samples::{SAMPLES, SampledMap},
+        texels,
+        texels::ReceiverMap,
+    },
     rays::{FacePoint, RayCaster},
 };
 use glam::Vec3;
@@ -35,19 +40,27 @@ pub fn scene_texels(caster: &RayCaster<'_>, baked: &BakedView<'_>) -> SceneTexel
     let (map, places) = texels::cover_visible(scene, &light_map, size, &receivers);
     let plain = Lighting::default();
     let own = SurfaceShading::new(scene, &plain);
-    let bands = samples::visit(caster, &light_map, &receivers, &map, room_for, |band, texel, points| {
-        let SurfacePoint { position, normal, geometric_normal } = surface_point(scene, &texel.point());
-        band.position.push(position);
-        band.normal.push(normal);
-        band.geometric_normal.push(geometric_normal);
-        band.samples.extend(points.iter().map(|point| TexelSample::new(&surface_point(scene, point), position)));
-        band.sample_end.push(band.samples.len() as u32);
-        let own_point = [texel.point()];
-        let points = if points.is_empty() { &own_point } else { points };
-        let mean = |color: &dyn Fn(&FacePoint) -> Vec3| points.iter().map(color).sum::<Vec3>() / points.len() as f32;
-        band.albedo.push(mean(&|point| own.albedo(point.mesh, point.triangle, point.barycentrics)));
-        band.emission.push(mean(&|point| own.emission(point.mesh, point.triangle, point.barycentrics)));
-    });
+    let of_light_map =
+        SampledMap { caster, atlas: &light_map, map: &map, is_wanted: &|point| receivers.sends_light(scene, point) };
+    let bands = of_light_map.visit(
+        room_for,
+        |texel| Some(texel.point().surface_point(scene)),
+        |band, texel, samples| {
+            let SurfacePoint { position, normal, geometric_normal } = texel.point().surface_point(scene);
+            band.position.push(position);
+            band.normal.push(normal);
+            band.geometric_normal.push(geometric_normal);
+            band.samples
+                .extend(samples.points.iter().map(|point| TexelSample::new(&point.surface_point(scene), position)));
+            band.sample_end.push(band.samples.len() as u32);
+            let own_point = [texel.point()];
+            let points = if samples.points.is_empty() { &own_point[..] } else { &samples.points };
+            let mean =
+                |color: &dyn Fn(&FacePoint) -> Vec3| points.iter().map(color).sum::<Vec3>() / points.len() as f32;
+            band.albedo.push(mean(&|point| own.albedo(point.mesh, point.triangle, point.barycentrics)));
+            band.emission.push(mean(&|point| own.emission(point.mesh, point.triangle, point.barycentrics)));
+        },
+    );
     let mut texels = SceneTexels {
         size,
         index: map.texels.iter().map(|texel| texel.index).collect(),
@@ -80,15 +93,6 @@ fn room_for(n_texels: usize) -> SceneTexels {
         sample_end: Vec::with_capacity(n_texels),
         samples: Vec::with_capacity(n_texels * SAMPLES),
         ..SceneTexels::default()
-    }
-}
-
-fn surface_point(scene: &Scene, point: &FacePoint) -> SurfacePoint {
-    let FacePoint { mesh, triangle, barycentrics, .. } = *point;
-    SurfacePoint {
-        position: scene.position(mesh, triangle, barycentrics),
-        normal: scene.shading_normal(mesh, triangle, barycentrics),
-        geometric_normal: scene.geometric_normal(mesh, triangle),
     }
 }
 

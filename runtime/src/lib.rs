@@ -32,6 +32,7 @@ pub use cpu_relighter::{CpuRelighter, DEFAULT_FEEDBACK_ALBEDO_CAP, RelightInputs
 pub use error::RelightError;
 #[cfg(feature = "gpu")]
 pub use gpu::PassTime;
+pub use localprt_scenes::SurfacePoint;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 #[cfg(feature = "gpu")]
 pub use passes::direct_irradiance::{DIRECT_LIGHT_WGSL, DirectOptions};
@@ -44,4 +45,4 @@ pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions, Volu
 pub use shaders::HOST_WGSL;
 pub use sky::sky_sh;
 pub use surface::SceneTexels;
-pub use texel_sample::{SurfacePoint, TexelSample};
+pub use texel_sample::TexelSample;

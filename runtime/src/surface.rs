@@ -2,9 +2,9 @@
 
 use crate::error::RelightError;
 use crate::passes::direct_lightmap::{SurfaceTexels, check_index, check_places, check_values};
-use crate::texel_sample::{SurfacePoint, TexelSample};
+use crate::texel_sample::TexelSample;
 use glam::Vec3;
-use localprt_scenes::MaterialOverride;
+use localprt_scenes::{MaterialOverride, SurfacePoint};
 
 /// Geometry and own colors of every covered texel of the direct light map. Arrays of equal length, one entry per covered
 /// texel, but for those of samples. World space, metres; unit normals; linear Rec. 709.

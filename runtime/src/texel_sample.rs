@@ -1,17 +1,7 @@
 //! Sample points of a texel: direct light is its mean over them.
 
 use glam::{Vec2, Vec3};
-
-/// A point of the scene's surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// World space, metres.
-    pub position: Vec3,
-    /// Unit shading normal, on the side of the geometric normal.
-    pub normal: Vec3,
-    /// Unit normal of the triangle.
-    pub geometric_normal: Vec3,
-}
+use localprt_scenes::SurfacePoint;
 
 /// A sample point of a texel in 16 bytes, as the shaders read it.
 ///

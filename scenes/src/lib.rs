@@ -13,4 +13,6 @@ pub mod scene;
 pub use gltf_export::{ExportError, export_glb};
 pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_bytes, load_within};
 pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
-pub use scene::{AlphaMode, Camera, FaceId, Image, LightmapWish, Material, Mesh, Scene, Texture, TextureRef, Wrap};
+pub use scene::{
+    AlphaMode, Camera, FaceId, Image, LightmapWish, Material, Mesh, Scene, SurfacePoint, Texture, TextureRef, Wrap,
+};

@@ -217,6 +217,17 @@ pub struct Camera {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FaceId(pub u32);
 
+/// A point of the scene's surface, on one of its sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// World space, metres.
+    pub position: Vec3,
+    /// Unit shading normal, on the side of the geometric normal.
+    pub normal: Vec3,
+    /// Unit normal of the triangle: directions below its horizon bring nothing.
+    pub geometric_normal: Vec3,
+}
+
 impl Scene {
     /// Number of triangles over all meshes.
     pub fn face_count(&self) -> usize {
@@ -313,6 +324,15 @@ impl Scene {
     pub fn geometric_normal(&self, mesh: usize, triangle: usize) -> Vec3 {
         let [a, b, c] = self.corners(mesh, triangle).map(Vec3::as_dvec3);
         (b - a).cross(c - a).normalize_or_zero().as_vec3()
+    }
+
+    /// A point of a triangle as a point of the surface.
+    pub fn surface_point(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> SurfacePoint {
+        SurfacePoint {
+            position: self.position(mesh, triangle, barycentrics),
+            normal: self.shading_normal(mesh, triangle, barycentrics),
+            geometric_normal: self.geometric_normal(mesh, triangle),
+        }
     }
 
     fn sample_srgb(&self, reference: &TextureRef, mesh: &Mesh, triangle: usize, barycentrics: Vec3) -> Vec4 {

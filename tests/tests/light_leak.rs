@@ -1,9 +1,15 @@
 //! Light in a sealed room stays there.
 
-use glam::Vec3;
-use localprt_precompute::settings::{BakeSettings, Transport};
+use glam::{Quat, Vec3};
+use localprt_formats::directions::spherical_fibonacci;
+use localprt_precompute::{
+    lightmap::Atlas,
+    rays::RayCaster,
+    settings::{BakeSettings, Transport},
+};
+use localprt_runtime::CoverageMap;
 use localprt_scenes::{Lighting, Material, Mesh, Scene};
-use localprt_tests::{TRANSPORTS, bake, irradiance, mean, scene, small_settings};
+use localprt_tests::{TRANSPORTS, bake, irradiance, mean, relit, scene, small_settings};
 use std::path::Path;
 
 #[test]
@@ -41,8 +47,9 @@ fn a_doorway_lets_light_through() {
     assert!(mean(dark.map(|(value, _)| *value)) > 0.0);
 }
 
-/// A box whose floor, ceiling and long walls are one piece each, with a wall across its middle.
-fn closets() -> Scene {
+/// A box whose floor, ceiling and long walls are one piece each, with a wall of a thickness in metres across its middle and through
+/// all of them, turned about the vertical axis.
+fn closets(thickness_m: f32, turned: Quat) -> Scene {
     let quad = |mesh: &mut Mesh, corners: [Vec3; 4]| {
         let first = mesh.positions.len() as u32;
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
@@ -77,18 +84,47 @@ fn closets() -> Scene {
         }
         mesh
     };
-    let meshes = vec![
-        block(Vec3::new(-2.0, 0.0, -1.0), Vec3::new(2.0, 2.0, 1.0), true),
-        block(Vec3::new(-0.1, -0.1, -1.1), Vec3::new(0.1, 2.1, 1.1), false),
-    ];
+    let half = Vec3::new(0.5 * thickness_m, 1.1, 1.7);
+    let mut wall = block(Vec3::Y - half, Vec3::Y + half, false);
+    wall.positions.iter_mut().chain(&mut wall.normals).for_each(|vector| *vector = turned * *vector);
+    let meshes = vec![block(Vec3::new(-2.0, 0.0, -1.0), Vec3::new(2.0, 2.0, 1.0), true), wall];
     Scene { meshes, materials: vec![Material::default()], ..Scene::default() }
+}
+
+#[test]
+fn a_wall_through_walls_keeps_light_on_its_side_at_any_angle() {
+    // As an engine reads the map: bilinear taps, with gutters, at points that the dark room sees of its floor, walls and ceiling.
+    for (degrees, thickness_m) in [(0.0f32, 0.1), (1.0, 0.1), (10.0, 0.1), (45.0, 0.1), (10.0, 0.004)] {
+        let turned = Quat::from_rotation_y(degrees.to_radians());
+        let baked =
+            bake(closets(thickness_m, turned), &BakeSettings { probes: Some(24), gather_rays: 64, ..small_settings() });
+        let lamp = r#"{"lights": [{"type": "point", "position": [-1.5, 1, 0.2], "color": [1, 1, 1], "intensity": 5}]}"#;
+        let lighting = Lighting::from_json(lamp, Path::new("")).expect("lighting");
+        let caster = RayCaster::new(&baked.scene).expect("tree");
+        let atlas = Atlas::of(&baked.scene);
+        let seen_from = |eye: Vec3, map: &CoverageMap| -> Vec<f32> {
+            let look = |ray| {
+                let hit = caster.closest_hit(eye, Vec3::from(spherical_fibonacci(ray, 4000)))?;
+                map.sample(atlas.at(&hit.point?)).map(|light| light.max_element())
+            };
+            (0..4000).filter_map(look).collect()
+        };
+        let [lit, dark] = relit(&baked, &lighting, 3, |relighter| {
+            let map = &relighter.relit().irradiance_map;
+            [-1.6, 1.6].map(|x| seen_from(Vec3::new(x, 1.0, 0.0), map))
+        });
+        let mean = lit.iter().sum::<f32>() / lit.len() as f32;
+        let leaks: Vec<f32> = dark.iter().copied().filter(|&light| light > 0.0).collect();
+        assert!(mean > 0.0 && dark.len() > 3900, "{degrees} degrees: {mean}, {} points", dark.len());
+        assert!(leaks.is_empty(), "{degrees} degrees, {thickness_m} m: {leaks:?} of {mean}");
+    }
 }
 
 #[test]
 fn links_do_not_read_under_a_wall() {
     // One probe, on one side: in the other room links read whatever its rays meet, at any distance.
     let settings = BakeSettings { probes: Some(1), near_bytes: 400, direct_map: 256, ..small_settings() };
-    let baked = bake(closets(), &settings);
+    let baked = bake(closets(0.2, Quat::IDENTITY), &settings);
     let side = baked.arrays.probes[0].position[0].signum();
     let x = 0.6 * side;
     let lamp = format!(

@@ -2,7 +2,7 @@
 //!
 //! [`sides`] gives each live side of double-sided surfaces a face of its own; [`cut`] cuts faces where charts have to end;
 //! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
-//! size with them; [`receivers`] turns covered texels into receivers; [`samples`] spreads points over texels of the light map.
+//! size with them; [`receivers`] turns covered texels into receivers; [`samples`] spreads points over texels.
 
 mod chart_pyramid;
 mod charts;
@@ -26,7 +26,7 @@ pub use pieces::Pieces;
 
 use crate::rays::FacePoint;
 use glam::{Vec2, Vec3};
-use localprt_scenes::FaceId;
+use localprt_scenes::{FaceId, SurfacePoint};
 
 /// Told about the work: what is being done, steps done, steps in all (0 if unknown). Returning `false` cancels.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) -> bool + Sync);
@@ -97,6 +97,10 @@ pub struct ReceiverSet {
     pub geometric_normal: Vec<Vec3>,
     /// Chart of each.
     pub chart: Vec<u32>,
+    /// Points over which what a receiver gets is a mean, receiver by receiver: see [`ReceiverSet::sites`].
+    sites: Vec<SurfacePoint>,
+    /// End of each receiver's sites.
+    site_end: Vec<u32>,
     /// Texels covered by a face whose every sample point is inside or behind geometry.
     pub invalid: Vec<u32>,
     /// Points moved out of the way of near geometry.
@@ -109,6 +113,34 @@ pub struct ReceiverSet {
 }
 
 impl ReceiverSet {
+    /// Receivers that are points: in space, or of a surface.
+    pub fn of_points(points: &[SurfacePoint]) -> Self {
+        let mut set = Self { chart: vec![0; points.len()], ..Self::default() };
+        for (index, point) in points.iter().enumerate() {
+            set.push(index as u32, *point, &[]);
+        }
+        set
+    }
+
+    /// One more receiver, in a texel of no lower index; a mean over `sites`, if there are any.
+    fn push(&mut self, texel: u32, point: SurfacePoint, sites: &[SurfacePoint]) {
+        self.texel.push(texel);
+        self.position.push(point.position);
+        self.normal.push(point.normal);
+        self.geometric_normal.push(point.geometric_normal);
+        match sites {
+            [] => self.sites.push(point),
+            sites => self.sites.extend(sites),
+        }
+        self.site_end.push(self.sites.len() as u32);
+    }
+
+    /// Points of a receiver's texel that its chart covers in the open: it gets the mean over them. At least one.
+    pub fn sites(&self, receiver: usize) -> &[SurfacePoint] {
+        let first = receiver.checked_sub(1).map_or(0, |before| self.site_end[before] as usize);
+        &self.sites[first..self.site_end[receiver] as usize]
+    }
+
     /// Number of receivers.
     pub fn len(&self) -> usize {
         self.texel.len()

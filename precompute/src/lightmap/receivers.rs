@@ -1,14 +1,15 @@
 //! From covered texels to receivers: where each stands, and whether it stands in free space.
 //!
 //! A receiver leaves its texel's sample point for another covered point of the texel, or moves along the surface out of
-//! near geometry, where the sample is inside of something; else the texel is invalid.
+//! near geometry, where the sample is inside of something; else the texel is invalid. What it gets is a mean over points of the texel
+//! that stand in the open with it, its sites.
 
 use super::raster::Footprint;
-use super::{Atlas, Progress, ReceiverSet, Texel, TexelMap, gutters, seams, texels};
+use super::{Atlas, Progress, ReceiverSet, Texel, TexelMap, gutters, samples::SampledMap, seams::Seams, texels};
 use crate::rays::{RayCaster, frame};
 use glam::{DVec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
-use localprt_scenes::Scene;
+use localprt_scenes::{Scene, SurfacePoint};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -55,15 +56,13 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
         placed[index] = place;
     }
     let mut set = ReceiverSet { size, ..ReceiverSet::default() };
+    let mut sites = placer.sites(&placed).into_iter();
     for (texel, placed) in map.texels.iter().zip(&placed) {
         match placed {
-            Placed::Free(site) => {
-                set.texel.push(texel.index);
-                set.position.push(site.position);
-                set.normal.push(site.normal);
-                set.geometric_normal.push(site.geometric_normal);
+            Placed::Free(spot) => {
+                set.push(texel.index, spot.point, &sites.next().unwrap_or_default());
                 set.chart.push(texel.chart);
-                set.pushed += usize::from(site.pushed);
+                set.pushed += usize::from(spot.pushed);
             }
             Placed::Inside => set.invalid.push(texel.index),
             Placed::Hole => {}
@@ -73,22 +72,24 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
     for (receiver, &texel) in set.texel.iter().enumerate() {
         receiver_at[texel as usize] = receiver as u32;
     }
-    set.gutters = gutters::fill(&map, &set, &receiver_at);
-    set.seams = seams::pair(caster, atlas, &set, &receiver_at);
+    let seams = Seams::of(caster, atlas);
+    let mut gutters = gutters::fill(&map, &set, &receiver_at);
+    seams.continue_over(&set, &receiver_at, &mut gutters);
+    set.gutters = gutters;
+    set.seams = seams.pairs(&set, &receiver_at);
     Some(set)
 }
 
+/// Where a receiver stands.
 #[derive(Clone, Copy, Debug)]
-struct Site {
-    position: Vec3,
-    normal: Vec3,
-    geometric_normal: Vec3,
+struct Spot {
+    point: SurfacePoint,
     pushed: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Placed {
-    Free(Site),
+    Free(Spot),
     /// Inside or behind geometry.
     Inside,
     /// In the hole of an alpha mask.
@@ -112,27 +113,40 @@ impl Placer<'_> {
         if !self.scene.is_present(mesh, triangle, weights) {
             return Placed::Hole;
         }
-        let site = self.site(mesh, triangle, weights);
-        if self.is_free(&site, texel_m) { Placed::Free(site) } else { Placed::Inside }
+        let point = self.scene.surface_point(mesh, triangle, weights);
+        if self.is_free(&point, texel_m) { Placed::Free(Spot { point, pushed: false }) } else { Placed::Inside }
     }
 
-    fn site(&self, mesh: usize, triangle: usize, weights: Vec3) -> Site {
-        Site {
-            position: self.scene.position(mesh, triangle, weights),
-            normal: self.scene.shading_normal(mesh, triangle, weights),
-            geometric_normal: self.scene.geometric_normal(mesh, triangle),
-            pushed: false,
-        }
+    /// Sites of each receiver that stands in free space.
+    fn sites(&self, placed: &[Placed]) -> Vec<Vec<SurfacePoint>> {
+        let sampled = SampledMap {
+            caster: self.caster,
+            atlas: self.atlas,
+            map: self.map,
+            is_wanted: &|point| self.scene.is_present(point.mesh, point.triangle, point.barycentrics),
+        };
+        let own = |texel: &Texel| {
+            let number = self.map.texels.partition_point(|other| other.index < texel.index);
+            if let Placed::Free(spot) = &placed[number] { Some(spot.point) } else { None }
+        };
+        let bands = sampled.visit(Vec::with_capacity, own, |band, texel, samples| {
+            if own(texel).is_some() {
+                // All of a whole texel varies slowly: its center does, with less noise.
+                let points = if samples.is_whole { &[] } else { samples.points.as_slice() };
+                band.push(points.iter().map(|point| point.surface_point(self.scene)).collect());
+            }
+        });
+        bands.into_iter().flatten().collect()
     }
 
     /// Whether few rays from the point meet back faces.
-    fn is_free(&self, site: &Site, texel_m: f32) -> bool {
-        let normal = site.geometric_normal;
+    fn is_free(&self, point: &SurfacePoint, texel_m: f32) -> bool {
+        let normal = point.geometric_normal;
         if normal == Vec3::ZERO {
             return false;
         }
         let (tangent, bitangent) = frame(normal);
-        let origin = site.position + normal * self.caster.offset_m();
+        let origin = point.position + normal * self.caster.offset_m();
         let (mut back_faces, mut near) = (0, 0);
         for ray in 0..RAYS {
             if ray == FIRST_RAYS && back_faces == 0 {
@@ -196,7 +210,7 @@ impl Placer<'_> {
             };
             let (mesh, triangle) = self.place_of_face(*face, texel);
             match self.try_point(mesh, triangle, texels::weights(footprint, point), self.texel_m(texel)) {
-                Placed::Free(site) => return Placed::Free(site),
+                Placed::Free(spot) => return Placed::Free(spot),
                 Placed::Inside => worst = Placed::Inside,
                 Placed::Hole => {}
             }
@@ -213,14 +227,14 @@ impl Placer<'_> {
     }
 
     /// Moves the sample along the surface past the nearest back face within a texel.
-    fn pushed(&self, texel: &Texel) -> Option<Site> {
+    fn pushed(&self, texel: &Texel) -> Option<Spot> {
         let (mesh, triangle) = (texel.mesh as usize, texel.triangle as usize);
-        let site = self.site(mesh, triangle, texel.barycentrics);
-        let normal = site.geometric_normal;
+        let start = self.scene.surface_point(mesh, triangle, texel.barycentrics);
+        let normal = start.geometric_normal;
         let offset_m = self.caster.offset_m();
         let texel_m = self.texel_m(texel);
         let (tangent, bitangent) = frame(normal);
-        let origin = site.position + normal * offset_m;
+        let origin = start.position + normal * offset_m;
         let mut ways: Vec<(f32, Vec3)> = (0..TANGENT_RAYS)
             .filter_map(|ray| {
                 let (sin, cos) = (std::f32::consts::TAU * ray as f32 / TANGENT_RAYS as f32).sin_cos();
@@ -239,8 +253,8 @@ impl Placer<'_> {
             if !same_surface || !self.scene.is_present(point.mesh, point.triangle, point.barycentrics) {
                 return None;
             }
-            let site = Site { pushed: true, ..self.site(point.mesh, point.triangle, point.barycentrics) };
-            self.is_free(&site, texel_m).then_some(site)
+            let spot = Spot { point: point.surface_point(self.scene), pushed: true };
+            self.is_free(&spot.point, texel_m).then_some(spot)
         })
     }
 

@@ -1,4 +1,4 @@
-//! Receivers that face each other across a chart border, so that their light can be made to agree.
+//! Seams: where a smooth surface is cut in the map. Receivers that face each other there, and gutters that go on beyond them.
 
 use super::{Atlas, NO_RECEIVER, ReceiverSet};
 use crate::rays::RayCaster;
@@ -17,42 +17,88 @@ const MOST_FACES: usize = 8;
 const LIFT: f32 = 0.3;
 /// A receiver stands for a point of the seam up to this many texels away (a texel's diagonal, and some).
 const REACH: f32 = 1.5;
+/// Texels this far beyond a seam show the other side: as far as bilinear taps at the seam reach, on a slanted one.
+const CONTINUED: f32 = 1.5;
 
-/// Pairs of receivers on the two sides of an edge that faces share in space but not in the map, where nothing stands between
-/// them; smaller index first, sorted, unique.
-pub(super) fn pair(
-    caster: &RayCaster<'_>,
-    atlas: &Atlas,
-    receivers: &ReceiverSet,
-    receiver_at: &[u32],
-) -> Vec<(u32, u32)> {
-    let edges = edges(caster.scene(), atlas);
-    let groups: Vec<&[Edge]> = edges.chunk_by(|a, b| a.ends == b.ends).filter(|group| group.len() > 1).collect();
-    let finder = Finder { atlas, receivers, receiver_at };
-    let mut pairs: Vec<(u32, u32)> = groups
-        .par_iter()
-        .filter(|group| group.len() <= MOST_FACES)
-        .flat_map_iter(|group| {
+/// Edges that faces share in space but not in the map, over which the surface is smooth.
+pub(super) struct Seams<'a> {
+    caster: &'a RayCaster<'a>,
+    atlas: &'a Atlas,
+    /// The two sides of each.
+    sides: Vec<[Edge; 2]>,
+}
+
+impl<'a> Seams<'a> {
+    pub(super) fn of(caster: &'a RayCaster<'a>, atlas: &'a Atlas) -> Self {
+        let edges = edges(caster.scene(), atlas);
+        let groups = edges.chunk_by(|a, b| a.ends == b.ends).filter(|group| (2..=MOST_FACES).contains(&group.len()));
+        let pairs = |group: &'_ [Edge]| -> Vec<[Edge; 2]> {
+            let with_later = |(place, &first): (usize, &Edge)| {
+                group[place + 1..]
+                    .iter()
+                    .filter(move |second| is_seam(&first, second))
+                    .map(move |&second| [first, second])
+            };
+            group.iter().enumerate().flat_map(with_later).collect()
+        };
+        Self { caster, atlas, sides: groups.flat_map(pairs).collect() }
+    }
+
+    /// Pairs of receivers on the two sides of a seam, where nothing stands between them; smaller index first, sorted, unique.
+    pub(super) fn pairs(&self, receivers: &ReceiverSet, receiver_at: &[u32]) -> Vec<(u32, u32)> {
+        let finder = Finder { atlas: self.atlas, receivers, receiver_at };
+        let along = |[first, second]: &[Edge; 2]| {
             let mut found = Vec::new();
-            for (place, first) in group.iter().enumerate() {
-                for second in &group[place + 1..] {
-                    if is_seam(first, second) {
-                        finder.along(first, second, &mut found);
-                    }
-                }
-            }
+            finder.along(first, second, &mut found);
             found
-        })
-        .collect();
-    pairs.par_sort_unstable();
-    pairs.dedup();
-    let sees = |&(a, b): &(u32, u32)| {
+        };
+        let mut pairs: Vec<(u32, u32)> = self.sides.par_iter().flat_map_iter(along).collect();
+        pairs.par_sort_unstable();
+        pairs.dedup();
+        pairs.into_par_iter().filter(|&(a, b)| self.see_each_other(receivers, a, b)).collect()
+    }
+
+    /// Lets the surface go on beyond a seam: gutter texels within reach of a bilinear tap there get the receiver on the other side at
+    /// the place that they would have on it, where nothing stands between the two. Both sides then show the same at the seam, and
+    /// light changes over it as it does within a chart.
+    ///
+    /// `gutters` are `(texel, receiver)` by rising texel, the receivers of the same chart.
+    pub(super) fn continue_over(&self, receivers: &ReceiverSet, receiver_at: &[u32], gutters: &mut [(u32, u32)]) {
+        let size = receivers.size;
+        let held = |texel: u32, gutters: &[(u32, u32)]| gutters.binary_search_by_key(&texel, |gutter| gutter.0).ok();
+        // Gutter, distance to the seam, and the receiver beyond it.
+        let beyond = |[from, to]: [&Edge; 2]| -> Vec<(usize, f32, u32)> {
+            let reached = from.texels_beyond(size, CONTINUED).into_iter().filter_map(|(texel, along, texels)| {
+                let gutter = held(texel, gutters)?;
+                if receivers.chart[gutters[gutter].1 as usize] != from.chart {
+                    return None;
+                }
+                let at = to.place(along, texels / size as f32 * from.scale_m) * size as f32;
+                if at.min_element() < 0.0 || at.max_element() >= size as f32 {
+                    return None;
+                }
+                let receiver = receiver_at[(at.y as u32 * size + at.x as u32) as usize];
+                let is_there = receiver != NO_RECEIVER && receivers.chart[receiver as usize] == to.chart;
+                is_there.then_some((gutter, texels, receiver))
+            });
+            reached.collect()
+        };
+        let mut found: Vec<(usize, f32, u32)> =
+            self.sides.par_iter().flat_map_iter(|[a, b]| [beyond([a, b]), beyond([b, a])].concat()).collect();
+        found.par_sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        found.dedup_by_key(|of| of.0);
+        let sees =
+            |&(gutter, _, receiver): &(usize, f32, u32)| self.see_each_other(receivers, gutters[gutter].1, receiver);
+        let open: Vec<_> = found.into_par_iter().filter(sees).collect();
+        open.into_iter().for_each(|(gutter, _, receiver)| gutters[gutter].1 = receiver);
+    }
+
+    fn see_each_other(&self, receivers: &ReceiverSet, a: u32, b: u32) -> bool {
         let [a, b] = [a, b].map(|receiver| receiver as usize);
-        let lift_m = LIFT * receivers.position[a].distance(receivers.position[b]) + caster.offset_m();
+        let lift_m = LIFT * receivers.position[a].distance(receivers.position[b]) + self.caster.offset_m();
         let above = |receiver: usize| receivers.position[receiver] + receivers.geometric_normal[receiver] * lift_m;
-        caster.visible(above(a), above(b))
-    };
-    pairs.into_par_iter().filter(sees).collect()
+        self.caster.visible(above(a), above(b))
+    }
 }
 
 /// An edge of a face, from the lower vertex (after welding) to the higher one.
@@ -64,8 +110,37 @@ struct Edge {
     positions: [Vec3; 2],
     normals: [Vec3; 2],
     uv: [Vec2; 2],
+    /// Unit vector in the map, square to the edge, into the face.
+    inward: Vec2,
     /// Metres per unit of uv.
     scale_m: f32,
+}
+
+impl Edge {
+    /// Texels of a map whose centers lie beyond the edge, outside of the face, by at most so many texels: `(texel, share of the way
+    /// along the edge, texels beyond it)`.
+    fn texels_beyond(&self, size: u32, reach: f32) -> Vec<(u32, f32, f32)> {
+        let [a, b] = self.uv.map(|uv| uv * size as f32);
+        let (low, high) = (a.min(b) - reach, a.max(b) + reach);
+        let texels =
+            |low: f32, high: f32| (low - 0.5).ceil().max(0.0) as u32..((high - 0.5).floor() + 1.0).max(0.0) as u32;
+        let (columns, rows) =
+            (texels(low.x, high.x.min(size as f32 - 1.0)), texels(low.y, high.y.min(size as f32 - 1.0)));
+        let edge = b - a;
+        rows.flat_map(|y| columns.clone().map(move |x| (x, y)))
+            .filter_map(|(x, y)| {
+                let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - a;
+                let (along, beyond) = (center.dot(edge) / edge.length_squared(), -center.dot(self.inward));
+                let is_beyond = beyond > 0.0 && beyond <= reach && (0.0..=1.0).contains(&along);
+                is_beyond.then_some((y * size + x, along, beyond))
+            })
+            .collect()
+    }
+
+    /// Place in the map at a share of the way along the edge, so many metres within the face.
+    fn place(&self, along: f32, within_m: f32) -> Vec2 {
+        self.uv[0].lerp(self.uv[1], along) + self.inward * (within_m / self.scale_m)
+    }
 }
 
 fn is_seam(a: &Edge, b: &Edge) -> bool {
@@ -92,6 +167,10 @@ fn edges(scene: &Scene, atlas: &Atlas) -> Vec<Edge> {
                     continue;
                 }
                 let order = if ends[0] < ends[1] { [corner, next] } else { [next, corner] };
+                let third = uv[(corner + 2) % 3];
+                let (from, to) = (uv[corner], uv[next]);
+                let across = (to - from).perp();
+                let inward = across.normalize_or_zero() * across.dot(third - from).signum();
                 edges.push(Edge {
                     ends: [ends[0].min(ends[1]), ends[0].max(ends[1])],
                     face,
@@ -99,6 +178,7 @@ fn edges(scene: &Scene, atlas: &Atlas) -> Vec<Edge> {
                     positions: order.map(|corner| positions[corner]),
                     normals: order.map(|corner| mesh.normals[triangle[corner] as usize]),
                     uv: order.map(|corner| uv[corner]),
+                    inward,
                     scale_m: (area / on_map).sqrt(),
                 });
             }

@@ -12,7 +12,7 @@ mod tests;
 pub use bvh::{BoxTree, TreeError, TriangleHit};
 
 use glam::Vec3;
-use localprt_scenes::{AlphaMode, FaceId, Scene};
+use localprt_scenes::{AlphaMode, FaceId, Scene, SurfacePoint};
 use std::collections::BTreeMap;
 
 /// Ray offsets are this times (largest absolute coordinate + box diagonal): about a hundred f32 roundings of a position.
@@ -74,6 +74,24 @@ pub struct SurfaceHit {
     pub normal: Vec3,
     /// The face on that side; `None` for the black back of a one-sided surface.
     pub point: Option<FacePoint>,
+}
+
+impl SurfaceHit {
+    /// The point on the side that the ray came from.
+    pub fn surface_point(&self, scene: &Scene) -> SurfacePoint {
+        let normal =
+            self.point.map_or(self.normal, |face| scene.shading_normal(face.mesh, face.triangle, face.barycentrics));
+        // The other side of a double-sided face.
+        let normal = if normal.dot(self.normal) < 0.0 { -normal } else { normal };
+        SurfacePoint { position: self.position, normal, geometric_normal: self.normal }
+    }
+}
+
+impl FacePoint {
+    /// The same as a point of the scene's surface.
+    pub fn surface_point(&self, scene: &Scene) -> SurfacePoint {
+        scene.surface_point(self.mesh, self.triangle, self.barycentrics)
+    }
 }
 
 impl<'a> RayCaster<'a> {

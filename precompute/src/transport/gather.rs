@@ -1,8 +1,9 @@
 //! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
-use crate::morton;
+use crate::{morton, rays::frame};
 use glam::Vec3;
 use localprt_formats::{directions, sh};
+use localprt_scenes::SurfacePoint;
 use std::f32::consts::PI;
 
 /// One in so many rays is looked up in all supporting probes (Eq. 4). Of the others a fitted row needs to know only what they meet,
@@ -33,6 +34,21 @@ pub struct GatherSet {
     looked_up: Vec<bool>,
     domain: Domain,
     receiver_degree: u32,
+}
+
+/// A gather ray of a receiver.
+#[derive(Clone, Copy, Debug)]
+pub struct GatherRay {
+    /// The point that it starts from.
+    pub site: SurfacePoint,
+    /// That point, off its surface, metres.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub dir: Vec3,
+    /// Its cosine with the shading normal.
+    pub cosine: f32,
+    /// Whether a fitted row looks it up in all probes.
+    pub looked_up: bool,
 }
 
 impl GatherSet {
@@ -83,9 +99,33 @@ impl GatherSet {
         &self.directions
     }
 
-    /// `[n]` which rays a fitted row looks up in all probes.
-    pub fn looked_up(&self) -> &[bool] {
-        &self.looked_up
+    /// Rays of a receiver from its sites, each of which sends the same share of them into all parts of its hemisphere. Those below
+    /// the horizon of the geometric normal are left out.
+    pub fn rays(&self, sites: &[SurfacePoint], offset_m: f32) -> impl Iterator<Item = GatherRay> {
+        let stands: Vec<_> = sites
+            .iter()
+            .map(|site| {
+                let axis = match self.domain {
+                    // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
+                    // surface can see; the frame of +Z are the world axes.
+                    Domain::Cosine => site.normal,
+                    Domain::Hemisphere => site.geometric_normal,
+                    Domain::Sphere => Vec3::Z,
+                };
+                (site, site.position + site.geometric_normal * offset_m, axis, frame(axis))
+            })
+            .collect();
+        // Of both kinds of rays, which follow each other along a curve over the directions, the sites take turns.
+        let mut count = [0; 2];
+        self.directions.iter().zip(&self.looked_up).filter_map(move |(local, &looked_up)| {
+            let count = &mut count[usize::from(looked_up)];
+            let (site, origin, axis, (tangent, bitangent)) = stands[*count % stands.len()];
+            *count += 1;
+            let dir = tangent * local.x + bitangent * local.y + axis * local.z;
+            // In the open there is no horizon.
+            let is_above = self.domain == Domain::Sphere || dir.dot(site.geometric_normal) > 0.0;
+            is_above.then_some(GatherRay { site: *site, origin, dir, cosine: dir.dot(site.normal), looked_up })
+        })
     }
 
     /// Rays over those that a fitted row looks up.

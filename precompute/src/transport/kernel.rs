@@ -1,16 +1,17 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{
-    Domain, RayCounts, TransportScene,
+    Domain, GatherRay, RayCounts, TransportScene,
     fit::{COMMON, Surface},
     near::{NearHit, Node},
 };
-use crate::rays::{FacePoint, OccluderHint, SurfaceHit, frame};
+use crate::rays::{FacePoint, OccluderHint, SurfaceHit};
 use glam::Vec3;
 use localprt_formats::{
     sh::{self, Directions, LANES},
     weight::weight_kernel,
 };
+use localprt_scenes::SurfacePoint;
 
 /// Below this sum of weights a point counts as seen by no probe: only a guard of the division in Eq. (4).
 const LEAST_WEIGHT: f32 = 1e-6;
@@ -48,6 +49,8 @@ pub struct Links {
 #[derive(Clone, Copy)]
 struct Ray {
     dir: Vec3,
+    /// With the shading normal.
+    cosine: f32,
     hit: SurfaceHit,
     point: FacePoint,
     /// Share of its light that it brings, where emitters are sampled too.
@@ -137,29 +140,6 @@ pub(super) struct ReceiverFindings {
     pub rays: RayCounts,
 }
 
-/// How a receiver stands on its surface.
-struct Stand {
-    /// Axis of the gather directions.
-    axis: Vec3,
-    normal: Vec3,
-    geometric_normal: Vec3,
-}
-
-impl Stand {
-    fn of(scene: &TransportScene<'_>, receiver: usize) -> Self {
-        let domain = scene.gather.domain();
-        if domain == Domain::Sphere {
-            // The frame of +Z are the world axes; there is no surface to keep off.
-            return Self { axis: Vec3::Z, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO };
-        }
-        let (normal, geometric_normal) = (scene.receivers.normal[receiver], scene.receivers.geometric_normal[receiver]);
-        // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
-        // surface can see.
-        let axis = if domain == Domain::Cosine { normal } else { geometric_normal };
-        Self { axis, normal, geometric_normal }
-    }
-}
-
 /// Which rays are looked up in all probes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LookUps {
@@ -181,9 +161,7 @@ pub(super) fn receiver_rows(
     let gather = scene.gather;
     let n_k = gather.n_outputs();
     let position = scene.receivers.position[receiver];
-    let Stand { axis, normal, geometric_normal } = Stand::of(scene, receiver);
-    let (tangent, bitangent) = frame(axis);
-    let origin = position + geometric_normal * caster.offset_m();
+    let sites = scene.receivers.sites(receiver);
     let receiver_basis = sh::Basis::new(gather.receiver_degree());
 
     let support = scene.support.of(receiver);
@@ -210,12 +188,7 @@ pub(super) fn receiver_rows(
     let mut rays = RayCounts::default();
     // What the rays meet.
     workspace.rays.clear();
-    for (local, &looked_up) in gather.directions().iter().zip(gather.looked_up()) {
-        let dir = tangent * local.x + bitangent * local.y + axis * local.z;
-        // In the open there is no horizon.
-        if gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
-            continue;
-        }
+    for GatherRay { origin, dir, cosine, looked_up, .. } in gather.rays(sites, caster.offset_m()) {
         rays.gather += 1;
         let Some(hit) = caster.closest_hit(origin, dir) else {
             gather.weights(dir, &receiver_basis, &mut workspace.weights);
@@ -224,27 +197,38 @@ pub(super) fn receiver_rows(
         };
         // The back of a one-sided surface is black.
         let Some(point) = hit.point else { continue };
-        let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(dir.dot(normal))));
+        let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(cosine)));
         let looked_up = looked_up || all_looked_up;
-        workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
+        workspace.rays.push(Ray { dir, cosine, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
     }
     if let Some(fit) = scene.fit {
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
-        for &sample in fit.emitter_samples() {
+        for (index, &sample) in fit.emitter_samples().iter().enumerate() {
+            let SurfacePoint { position, normal, geometric_normal } = sites[index % sites.len()];
+            let origin = position + geometric_normal * caster.offset_m();
             let dir = (sample.1 - origin).normalize_or_zero();
-            let density = gather.density(dir.dot(normal));
+            let cosine = dir.dot(normal);
+            let density = gather.density(cosine);
             if density <= 0.0 || gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
                 continue;
             }
             rays.gather += 1;
             let Some((hit, brings)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
-            workspace.rays.push(Ray { dir, hit, point, brings, linked: 0.0, to_emitter: true, looked_up: false });
+            workspace.rays.push(Ray {
+                dir,
+                cosine,
+                hit,
+                point,
+                brings,
+                linked: 0.0,
+                to_emitter: true,
+                looked_up: false,
+            });
         }
     }
     let mut look = LookUp {
         scene,
-        normal,
         receiver_basis: &receiver_basis,
         probes: &probes,
         stands_for: if all_looked_up { 1.0 } else { gather.rays_per_look_up() },
@@ -333,7 +317,6 @@ pub(super) fn receiver_rows(
 /// How what a ray meets is looked up in the probes.
 struct LookUp<'a> {
     scene: &'a TransportScene<'a>,
-    normal: Vec3,
     receiver_basis: &'a sh::Basis,
     /// Place and weight kernel of each supporting probe.
     probes: &'a [(Vec3, f32)],
@@ -349,7 +332,7 @@ struct LookUp<'a> {
 impl LookUp<'_> {
     /// Share of the cosine-weighted hemisphere that a ray stands for.
     fn share(&self, ray: &Ray) -> f32 {
-        self.scene.gather.cosine_share(ray.dir.dot(self.normal).max(0.0))
+        self.scene.gather.cosine_share(ray.cosine.max(0.0))
     }
 
     /// Adds `part` of a ray to the row by Eq. (4), and to what the fit needs. Returns whether a probe sees what it meets; what

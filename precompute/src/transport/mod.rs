@@ -13,7 +13,7 @@ mod near;
 mod tests;
 
 pub use fit::{FitScene, LeafFit};
-pub use gather::{Domain, GatherSet};
+pub use gather::{Domain, GatherRay, GatherSet};
 pub use kernel::Links;
 use kernel::LookUps;
 pub use near::{NearField, Node};

@@ -4,7 +4,7 @@ use super::*;
 use crate::lightmap::{Atlas, texels};
 use glam::{Vec2, Vec3};
 use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
-use localprt_scenes::{Material, Mesh, Scene};
+use localprt_scenes::{Material, Mesh, Scene, SurfacePoint};
 use std::f32::consts::PI;
 
 /// A box with its faces turned inwards; `skip` leaves out the face `[axis, sign]`.
@@ -33,6 +33,10 @@ pub(super) fn room(half: Vec3, skip: Option<(usize, f32)>) -> Scene {
     Scene { meshes: vec![mesh], materials: vec![Material::default()], ..Scene::default() }
 }
 
+fn point((position, normal): (Vec3, Vec3)) -> SurfacePoint {
+    SurfacePoint { position, normal, geometric_normal: normal }
+}
+
 /// Rows of receivers given as `(position, normal)` with every probe supporting each.
 pub(super) struct Setup {
     receivers: ReceiverSet,
@@ -44,14 +48,7 @@ impl Setup {
     pub(super) fn new(receivers: &[(Vec3, Vec3)], probes: &[Vec3], radius_m: f32) -> Self {
         let n = receivers.len();
         Self {
-            receivers: ReceiverSet {
-                texel: (0..n as u32).collect(),
-                position: receivers.iter().map(|receiver| receiver.0).collect(),
-                normal: receivers.iter().map(|receiver| receiver.1).collect(),
-                geometric_normal: receivers.iter().map(|receiver| receiver.1).collect(),
-                chart: vec![0; n],
-                ..ReceiverSet::default()
-            },
+            receivers: ReceiverSet::of_points(&receivers.iter().map(|&at| point(at)).collect::<Vec<_>>()),
             probes: ProbeSet { positions: probes.to_vec(), radius_m },
             support: Support {
                 start: (0..=n as u32).map(|i| i * probes.len() as u32).collect(),
@@ -332,10 +329,7 @@ fn a_point_in_the_open_gets_the_sky_as_it_is() {
     // One small triangle far below. Orthonormal functions: the row of output k is 1 at the sky's function k and 0 elsewhere.
     let scene = room(Vec3::splat(1e-3), None);
     let receivers = [(Vec3::new(0.0, 5.0, 0.0), Vec3::ZERO), (Vec3::new(4.0, 1.0, -3.0), Vec3::ZERO)];
-    let mut setup = Setup::new(&receivers, &[Vec3::new(0.0, 6.0, 0.0)], 8.0);
-    // No normal is read.
-    setup.receivers.normal.clear();
-    setup.receivers.geometric_normal.clear();
+    let setup = Setup::new(&receivers, &[Vec3::new(0.0, 6.0, 0.0)], 8.0);
     for degree in [1, 2] {
         let rows = setup.rows(&scene, &GatherSet::sphere(1024, degree, 0), 2, 3);
         assert_eq!((rows.n_k, rows.unseen.clone()), (sh::function_count(degree), vec![0.0; 2]));

@@ -31,9 +31,9 @@
 use super::{lit::Lit, subject::Subject};
 use crate::{
     progress::{Cancelled, Progress},
-    rays::{SurfaceHit, frame},
+    rays::SurfaceHit,
     relight::direct_irradiance,
-    transport::{GatherSet, TransportLeaf, TransportScene},
+    transport::{GatherRay, GatherSet, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
 use localprt_formats::{
@@ -231,15 +231,9 @@ impl<'a> Leg<'a> {
 
     /// Calls `visit(direction, weight of an irradiance sum, hit)` for the rays of a cosine-weighted set above the horizon.
     fn for_each_ray(&self, receiver: u32, rays: &GatherSet, mut visit: impl FnMut(Vec3, f32, Option<&SurfaceHit>)) {
-        let point = self.subject.point(receiver);
-        let (tangent, bitangent) = frame(point.normal);
-        let origin = point.position + point.geometric_normal * self.subject.caster.offset_m();
-        for local in rays.directions() {
-            let dir = tangent * local.x + bitangent * local.y + point.normal * local.z;
-            if dir.dot(point.geometric_normal) > 0.0 {
-                let hit = self.subject.caster.closest_hit(origin, dir);
-                visit(dir, irradiance_weight(rays, local.z), hit.as_ref());
-            }
+        let caster = self.subject.caster;
+        for GatherRay { origin, dir, cosine, .. } in rays.rays(self.subject.sites(receiver), caster.offset_m()) {
+            visit(dir, irradiance_weight(rays, cosine), caster.closest_hit(origin, dir).as_ref());
         }
     }
 

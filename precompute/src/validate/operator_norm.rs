@@ -21,8 +21,8 @@ use super::{
 };
 use crate::{
     progress::{Cancelled, Progress},
-    rays::{OccluderHint, frame},
-    transport::TransportLeaf,
+    rays::OccluderHint,
+    transport::{GatherRay, TransportLeaf},
 };
 use glam::Vec3;
 use localprt_formats::{
@@ -118,30 +118,24 @@ fn at(
     let caster = subject.caster;
     let transport = subject.transport();
     let point = subject.point(receiver);
-    let origin = point.position + point.geometric_normal * caster.offset_m();
+    let sites = subject.sites(receiver);
     let mut error = vec![0.0f64; field_basis.len()];
     let mut values = vec![0.0f32; field_basis.len()];
 
     // The cosine over the directions in which there is a surface.
-    let axis = if transport.gather.receiver_degree() == 0 { point.normal } else { point.geometric_normal };
-    let (tangent, bitangent) = frame(axis);
-    let mut is_enclosed = true;
-    for local in transport.gather.directions() {
-        let dir = tangent * local.x + bitangent * local.y + axis * local.z;
-        if dir.dot(point.geometric_normal) <= 0.0 {
-            continue;
-        }
+    let mut is_enclosed = sites.iter().all(|site| site.normal == point.geometric_normal);
+    for GatherRay { origin, dir, cosine, .. } in transport.gather.rays(sites, caster.offset_m()) {
         if caster.closest_hit(origin, dir).is_none_or(|hit| hit.point.is_none()) {
             is_enclosed = false;
             continue;
         }
         field_basis.evaluate(dir.to_array(), &mut values);
-        let weight = f64::from(irradiance_weight(transport.gather, dir.dot(point.normal)));
+        let weight = f64::from(irradiance_weight(transport.gather, cosine));
         for (error, &value) in error.iter_mut().zip(&values) {
             *error += weight * f64::from(value);
         }
     }
-    if is_enclosed && point.normal == point.geometric_normal {
+    if is_enclosed {
         // In closed form, without the noise of the rays.
         error = cosine_lobe(field_basis, point.normal).into_iter().map(f64::from).collect();
     }
@@ -169,9 +163,11 @@ fn at(
         let mut hint = OccluderHint::default();
         for (ray, seen) in views.points[id as usize].iter().enumerate() {
             let Some(seen) = seen else { continue };
-            // V_x: the receiver sees that side of that point.
+            // V_x: the receiver sees that side of that point; its sites take turns.
+            let site = sites[ray % sites.len()];
+            let origin = site.position + site.geometric_normal * caster.offset_m();
             let way = seen.position - origin;
-            if way.dot(point.geometric_normal) <= 0.0
+            if way.dot(site.geometric_normal) <= 0.0
                 || -way.dot(seen.normal) <= caster.offset_m()
                 || !caster.visible_hinted(seen.position + seen.normal * caster.offset_m(), origin, &mut hint)
             {

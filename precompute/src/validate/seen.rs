@@ -6,7 +6,7 @@
 
 use super::{
     metrics::{MethodError, nrmse_without_worst, rms, share_off},
-    path_tracer::{Estimates, SurfacePoint},
+    path_tracer::Estimates,
     subject::Subject,
 };
 use crate::{
@@ -16,7 +16,7 @@ use crate::{
 use glam::{Vec2, Vec3, Vec4Swizzles};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform, fibonacci_square};
 use localprt_runtime::CoverageMap;
-use localprt_scenes::{Camera, FaceId};
+use localprt_scenes::{Camera, FaceId, SurfacePoint};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -190,7 +190,7 @@ pub(super) fn of_hit(subject: &Subject<'_>, hit: &SurfaceHit) -> Option<SeenPoin
     if !has_texels(subject, face.face) {
         return None;
     }
-    Some(SeenPoint { point: SurfacePoint::of_hit(subject.caster.scene(), hit), uv: subject.atlas.at(&face) })
+    Some(SeenPoint { point: hit.surface_point(subject.caster.scene()), uv: subject.atlas.at(&face) })
 }
 
 fn is_inside(subject: &Subject<'_>, point: &SurfacePoint) -> bool {

@@ -158,8 +158,8 @@ pub fn measure(
     let lighting = &state.lighting;
     let lit = light(subject, lighting, settings.bounces, progress)?;
     let tracer = PathTracer::new(subject.caster, lighting, settings.bounces, settings.seed);
-    let points: Vec<_> = sample.iter().map(|&receiver| subject.point(receiver)).collect();
-    let reference = tracer.estimate(&points, settings.budget, progress)?;
+    let points: Vec<_> = sample.iter().map(|&receiver| subject.sites(receiver)).collect();
+    let reference = tracer.estimate_means(&points, settings.budget, progress)?;
     let mean = mean(&reference.irradiance);
     if mean <= 0.0 || mean.is_nan() {
         return Ok(None);
@@ -213,7 +213,7 @@ pub fn measure(
         1 => reference.irradiance.clone(),
         _ => {
             let tracer = PathTracer::new(subject.caster, lighting, 1, settings.seed ^ 0xf157);
-            tracer.estimate(&points, settings.budget, progress)?.irradiance
+            tracer.estimate_means(&points, settings.budget, progress)?.irradiance
         }
     };
     let truths = truth_leg(subject, &lit, lighting, sample, &first_bounce, progress)?;

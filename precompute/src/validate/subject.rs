@@ -13,11 +13,11 @@ use crate::{
     rays::RayCaster,
     settings::{BakeSettings, Transport},
     transport::{FitScene, GatherSet, NearField, TransportScene},
-    validate::path_tracer::SurfacePoint,
 };
 use glam::{Vec2, Vec3};
 use localprt_formats::{BakedView, sh};
 use localprt_runtime::CheckedBake;
+use localprt_scenes::SurfacePoint;
 
 /// A baked file under validation.
 pub struct Subject<'a> {
@@ -199,6 +199,11 @@ impl<'a> Subject<'a> {
             normal: self.placed.normal[place],
             geometric_normal: self.placed.geometric_normal[place],
         }
+    }
+
+    /// Points over which what a receiver, in file order, gets is a mean.
+    pub fn sites(&self, receiver: u32) -> &[SurfacePoint] {
+        self.placed.sites(self.place(receiver) as usize)
     }
 
     /// The receiver, in file order, of the texel at a lightmap coordinate.

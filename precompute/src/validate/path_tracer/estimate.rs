@@ -83,6 +83,19 @@ impl PathTracer<'_> {
         budget: PathBudget,
         progress: &Progress,
     ) -> Result<Estimates, Cancelled> {
+        self.estimate_means(&points.iter().map(std::slice::from_ref).collect::<Vec<_>>(), budget, progress)
+    }
+
+    /// The same of means over some points each, at least one.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn estimate_means(
+        &self,
+        points: &[&[SurfacePoint]],
+        budget: PathBudget,
+        progress: &Progress,
+    ) -> Result<Estimates, Cancelled> {
         let mut sums = vec![Sums::default(); points.len()];
         let mut open: Vec<u32> = (0..points.len() as u32).collect();
         let most_batches = (budget.most_paths / BATCH).max(FIRST_BATCHES);
@@ -128,9 +141,9 @@ impl PathTracer<'_> {
     }
 
     /// Adds batches until there are `wanted`.
-    fn add_batches(&self, point: SurfacePoint, stream: u64, mut sums: Sums, wanted: u32) -> Sums {
+    fn add_batches(&self, points: &[SurfacePoint], stream: u64, mut sums: Sums, wanted: u32) -> Sums {
         while sums.batches < wanted {
-            let (mean, rays) = self.batch(point, stream, u64::from(sums.batches), BATCH);
+            let (mean, rays) = self.batch(points, stream, u64::from(sums.batches), BATCH);
             sums.batches += 1;
             sums.sum += mean;
             sums.squares += mean * mean;
@@ -139,14 +152,15 @@ impl PathTracer<'_> {
         sums
     }
 
-    /// Mean of `n` paths whose first directions form a lattice with a random shift of its own.
-    pub(super) fn batch(&self, point: SurfacePoint, stream: u64, batch: u64, n: u32) -> (DVec3, u64) {
+    /// Mean of `n` paths whose first directions form a lattice with a random shift of its own. The points take turns.
+    pub(super) fn batch(&self, points: &[SurfacePoint], stream: u64, batch: u64, n: u32) -> (DVec3, u64) {
         let shift = [0, 1].map(|axis| counter_uniform(self.seed ^ 0x5eed, stream, 2 * batch + axis));
         // No path has as many random numbers as this.
         let mut random = Random { seed: self.seed, stream, counter: batch << 32 };
         let mut sum = DVec3::ZERO;
         let mut rays = 0;
         for i in 0..n {
+            let point = points[(u64::from(i) + batch) as usize % points.len()];
             let (value, traced) = self.path(point, fibonacci_square(i, n, shift), &mut random);
             sum += value.as_dvec3();
             rays += u64::from(traced);

@@ -188,7 +188,7 @@ impl PathTracer<'_> {
         let near = SAME_POINT * self.caster.offset_m();
         let joined = self.caster.closest_hit(origin, dir).filter(|hit| hit.position.distance(landed.position) <= near);
         let Some((hit, face)) = joined.and_then(|hit| Some((hit, hit.point?))) else { return (Vec3::ZERO, 2) };
-        let direct = self.direct_of(index, &SurfacePoint::of_hit(self.caster.scene(), &hit));
+        let direct = self.direct_of(index, &hit.surface_point(self.caster.scene()));
         // What the lamp itself does not light, by range or rounding, is left to the cosine.
         if direct.density <= 0.0 {
             return (Vec3::ZERO, 3);

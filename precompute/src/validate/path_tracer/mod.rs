@@ -25,36 +25,14 @@ pub use picture::{PixelLight, ViewLight, ViewSettings};
 
 use crate::{
     emitters::Emitters,
-    rays::{RayCaster, SurfaceHit, frame},
+    rays::{RayCaster, frame},
 };
 use glam::Vec3;
 use lamps::{FoundByCosine, Lamps};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
-use localprt_scenes::{Lighting, Scene, SurfaceShading};
+use localprt_scenes::{Lighting, SurfacePoint, SurfaceShading};
 use sky::SkySampler;
 use std::f32::consts::{FRAC_1_PI, PI};
-
-/// A point that receives light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// World position on the surface, metres.
-    pub position: Vec3,
-    /// Unit normal about which the cosine is taken.
-    pub normal: Vec3,
-    /// Unit geometric normal: directions below its horizon bring nothing.
-    pub geometric_normal: Vec3,
-}
-
-impl SurfacePoint {
-    /// A hit as a point that receives light on the side the ray came from.
-    pub fn of_hit(scene: &Scene, hit: &SurfaceHit) -> Self {
-        let normal =
-            hit.point.map_or(hit.normal, |face| scene.shading_normal(face.mesh, face.triangle, face.barycentrics));
-        // The other side of a double-sided face.
-        let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
-        Self { position: hit.position, normal, geometric_normal: hit.normal }
-    }
-}
 
 /// A path tracer for one lighting state.
 pub struct PathTracer<'a> {
@@ -142,7 +120,7 @@ impl<'a> PathTracer<'a> {
             }
             // pi from the density, albedo / pi from the reflection.
             weight *= self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
-            point = SurfacePoint::of_hit(self.caster.scene(), &hit);
+            point = hit.surface_point(self.caster.scene());
             let found = FoundByCosine { density: by_cosine, distance: hit.t, cosine: hit.normal.dot(dir) };
             let (direct, shadow_rays) = self.direct(&point, found, random);
             sum += weight * direct;

@@ -150,7 +150,7 @@ impl PathTracer<'_> {
                 // Streams of pictures lie apart from those of receivers, which are numbered with 32 bits.
                 let stream = (1 << 40) + (y * row + x) as u64;
                 for (number, held) in ray.indirect.iter_mut().enumerate() {
-                    let fresh = self.batch(point, stream, 2 * batches + number as u64, half).0.as_vec3();
+                    let fresh = self.batch(&[point], stream, 2 * batches + number as u64, half).0.as_vec3();
                     *held = held.lerp(fresh, share);
                 }
             }
@@ -168,7 +168,7 @@ impl PathTracer<'_> {
             return PixelLight { other: self.lighting.sky.radiance(dir), ..PixelLight::default() };
         };
         let Some(face) = hit.point else { return PixelLight { position: hit.position, ..PixelLight::default() } };
-        let point = SurfacePoint::of_hit(scene, &hit);
+        let point = hit.surface_point(scene);
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
         let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
         // All lights, so that a picture's direct light has no noise.

@@ -2,9 +2,8 @@
 
 use crate::passes::shadow_map::{CasterBounds, ShadowCasters, ShadowMap, ShadowView, shadow_map, shadow_views};
 use crate::surface::SceneTexels;
-use crate::texel_sample::SurfacePoint;
 use glam::Vec3;
-use localprt_scenes::Light;
+use localprt_scenes::{Light, SurfacePoint};
 use rayon::prelude::*;
 
 /// `[n_covered]` irradiance straight from punctual lights, W m^-2, shadowed by maps of `shadow_map_size` texels per side: the
