@@ -12,6 +12,9 @@ use std::f32::consts::PI;
 /// looked up; and so are those of receivers whose rows the fit cannot correct.
 const LOOKED_UP_ONE_IN: u32 = 4;
 
+/// Directions that look for the sky through openings, over those of the set: a lattice is off by the power -3/4 of it.
+pub(super) const SKY_TIMES: u32 = 4;
+
 /// Which directions a set holds, and what the outputs measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Domain {
@@ -32,6 +35,8 @@ pub struct GatherSet {
     directions: Vec<Vec3>,
     /// `[n]` whether a fitted row looks the ray up in all probes.
     looked_up: Vec<bool>,
+    /// `[SKY_TIMES * n]` directions that look for the sky.
+    to_sky: Vec<Vec3>,
     domain: Domain,
     receiver_degree: u32,
 }
@@ -39,9 +44,7 @@ pub struct GatherSet {
 /// A gather ray of a receiver.
 #[derive(Clone, Copy, Debug)]
 pub struct GatherRay {
-    /// The point that it starts from.
-    pub site: SurfacePoint,
-    /// That point, off its surface, metres.
+    /// The point that it starts from, off the surface, metres.
     pub origin: Vec3,
     /// Unit direction.
     pub dir: Vec3,
@@ -86,7 +89,9 @@ impl GatherSet {
             (direction.z < 0.0, place(*direction), direction.z.to_bits(), direction.x.to_bits())
         });
         let (directions, looked_up) = rays.into_iter().unzip();
-        Self { directions, looked_up, domain, receiver_degree }
+        let n_to_sky = n.saturating_mul(SKY_TIMES);
+        let to_sky = (0..n_to_sky).map(|i| Vec3::from(map(directions::fibonacci_square(i, n_to_sky, shift)))).collect();
+        Self { directions, looked_up, to_sky, domain, receiver_degree }
     }
 
     /// Which directions these are.
@@ -102,6 +107,29 @@ impl GatherSet {
     /// Rays of a receiver from its sites, each of which sends the same share of them into all parts of its hemisphere. Those below
     /// the horizon of the geometric normal are left out.
     pub fn rays(&self, sites: &[SurfacePoint], offset_m: f32) -> impl Iterator<Item = GatherRay> {
+        // Of both kinds of rays, which follow each other along a curve over the directions, the sites take turns.
+        let mut count = [0; 2];
+        let numbered = self.directions.iter().zip(&self.looked_up).map(move |(&local, &looked_up)| {
+            let count = &mut count[usize::from(looked_up)];
+            *count += 1;
+            (*count - 1, local, looked_up)
+        });
+        self.starting_at(sites, offset_m, numbered)
+    }
+
+    /// The same of the rays that look for the sky, of which there are [`SKY_TIMES`] as many.
+    pub(super) fn rays_to_sky(&self, sites: &[SurfacePoint], offset_m: f32) -> impl Iterator<Item = GatherRay> {
+        self.starting_at(sites, offset_m, self.to_sky.iter().enumerate().map(|(number, &local)| (number, local, false)))
+    }
+
+    /// Rays of local directions, each with the number of its turn, and whether it is looked up in all probes.
+    fn starting_at(
+        &self,
+        sites: &[SurfacePoint],
+        offset_m: f32,
+        numbered: impl Iterator<Item = (usize, Vec3, bool)>,
+    ) -> impl Iterator<Item = GatherRay> {
+        let domain = self.domain;
         let stands: Vec<_> = sites
             .iter()
             .map(|site| {
@@ -112,19 +140,15 @@ impl GatherSet {
                     Domain::Hemisphere => site.geometric_normal,
                     Domain::Sphere => Vec3::Z,
                 };
-                (site, site.position + site.geometric_normal * offset_m, axis, frame(axis))
+                (*site, site.position + site.geometric_normal * offset_m, axis, frame(axis))
             })
             .collect();
-        // Of both kinds of rays, which follow each other along a curve over the directions, the sites take turns.
-        let mut count = [0; 2];
-        self.directions.iter().zip(&self.looked_up).filter_map(move |(local, &looked_up)| {
-            let count = &mut count[usize::from(looked_up)];
-            let (site, origin, axis, (tangent, bitangent)) = stands[*count % stands.len()];
-            *count += 1;
+        numbered.filter_map(move |(number, local, looked_up)| {
+            let (site, origin, axis, (tangent, bitangent)) = stands[number % stands.len()];
             let dir = tangent * local.x + bitangent * local.y + axis * local.z;
             // In the open there is no horizon.
-            let is_above = self.domain == Domain::Sphere || dir.dot(site.geometric_normal) > 0.0;
-            is_above.then_some(GatherRay { site: *site, origin, dir, cosine: dir.dot(site.normal), looked_up })
+            let is_above = domain == Domain::Sphere || dir.dot(site.geometric_normal) > 0.0;
+            is_above.then_some(GatherRay { origin, dir, cosine: dir.dot(site.normal), looked_up })
         })
     }
 

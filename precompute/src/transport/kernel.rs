@@ -3,7 +3,9 @@
 use super::{
     Domain, GatherRay, RayCounts, TransportScene,
     fit::{COMMON, Surface},
+    gather::SKY_TIMES,
     near::{NearHit, Node},
+    openings::Openings,
 };
 use crate::rays::{FacePoint, OccluderHint, SurfaceHit};
 use glam::Vec3;
@@ -154,6 +156,7 @@ pub(super) fn receiver_rows(
     scene: &TransportScene<'_>,
     receiver: usize,
     look_ups: LookUps,
+    openings: Option<&Openings>,
     workspace: &mut Workspace,
 ) -> ReceiverFindings {
     let all_looked_up = look_ups == LookUps::All || scene.fit.is_none();
@@ -186,11 +189,16 @@ pub(super) fn receiver_rows(
     workspace.found.clear(support.len(), n_k);
     let mut surfaces = 0.0;
     let mut rays = RayCounts::default();
+    let mut openings = openings.cloned();
     // What the rays meet.
     workspace.rays.clear();
     for GatherRay { origin, dir, cosine, looked_up, .. } in gather.rays(sites, caster.offset_m()) {
         rays.gather += 1;
         let Some(hit) = caster.closest_hit(origin, dir) else {
+            if let Some(openings) = &mut openings {
+                openings.show(dir);
+                continue;
+            }
             gather.weights(dir, &receiver_basis, &mut workspace.weights);
             workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
             continue;
@@ -200,6 +208,17 @@ pub(super) fn receiver_rows(
         let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(cosine)));
         let looked_up = looked_up || all_looked_up;
         workspace.rays.push(Ray { dir, cosine, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
+    }
+    if let Some(openings) = &openings {
+        for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
+            if openings.may_show(dir) {
+                rays.gather += 1;
+                if caster.escapes(origin, dir) {
+                    gather.weights(dir, &receiver_basis, &mut workspace.weights);
+                    workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
+                }
+            }
+        }
     }
     if let Some(fit) = scene.fit {
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.

@@ -3,12 +3,13 @@
 //! For every receiver the incident directions are sampled by gather rays. Each ray's surface point Γ is looked up in the
 //! supporting probes that see that side of that point, by Eq. (2), and the contributions of all rays add up to the row
 //! of weights from probe radiance to irradiance (Eq. 7) or to receiver radiance (Eqs. 8, 9). Rays that leave the scene
-//! fill the sky columns: the sky is a virtual probe of infinite support. Receivers of a volume gather over the whole sphere.
+//! fill the sky columns, more of them where there are openings: the sky is a virtual probe of infinite support. Receivers of a volume gather over the whole sphere.
 
 pub mod fit;
 mod gather;
 mod kernel;
 mod near;
+mod openings;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +18,7 @@ pub use gather::{Domain, GatherRay, GatherSet};
 pub use kernel::Links;
 use kernel::LookUps;
 pub use near::{NearField, Node};
+use openings::Openings;
 
 use crate::{
     lightmap::ReceiverSet,
@@ -53,6 +55,8 @@ pub struct TransportLeaf {
     /// Union of the members' supporting probes, rising.
     probes: Vec<u32>,
     fit: Option<LeafFit>,
+    /// Where more rays look for the sky; `None` for the paper's rows.
+    openings: Option<Openings>,
 }
 
 /// Transport rows of some receivers.
@@ -129,14 +133,15 @@ impl TransportScene<'_> {
             }
             fit.leaf(bounds, &probes, &weights, self.probe_basis.len())
         });
-        TransportLeaf { probes, fit }
+        let openings = fit.as_ref().and_then(|_| Openings::of(self, members));
+        TransportLeaf { probes, fit, openings }
     }
 
     /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.
     pub fn linked(&self, receiver: u32) -> Vec<(Vec3, f32)> {
         let mut workspace = kernel::Workspace::default();
         if self.near.is_some() {
-            kernel::receiver_rows(self, receiver as usize, LookUps::Few, &mut workspace);
+            kernel::receiver_rows(self, receiver as usize, LookUps::Few, None, &mut workspace);
         }
         workspace.linked().collect()
     }
@@ -154,15 +159,16 @@ impl TransportScene<'_> {
         let mut links = Vec::new();
         let mut rays = RayCounts::default();
         let mut workspace = kernel::Workspace::default();
+        let openings = leaf.openings.as_ref();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let support = self.support.of(member as usize);
-            let mut receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, &mut workspace);
+            let mut receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, openings, &mut workspace);
             rays += receiver.rays;
             if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
                 let mut correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 if !correction.is_made {
                     // Nothing takes out what few rays got wrong.
-                    receiver = kernel::receiver_rows(self, member as usize, LookUps::All, &mut workspace);
+                    receiver = kernel::receiver_rows(self, member as usize, LookUps::All, openings, &mut workspace);
                     rays += receiver.rays;
                     correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 }

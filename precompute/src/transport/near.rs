@@ -124,7 +124,7 @@ impl NearField {
         let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
         let of_receiver = |index: usize| {
             let mut workspace = kernel::Workspace::default();
-            kernel::receiver_rows(&scene, index * n_receivers / count, LookUps::Few, &mut workspace);
+            kernel::receiver_rows(&scene, index * n_receivers / count, LookUps::Few, None, &mut workspace);
             workspace.links.gains
         };
         let mut gains: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();

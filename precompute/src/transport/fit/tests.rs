@@ -103,7 +103,7 @@ fn is_the_long_form(transport: &TransportScene<'_>, members: &[u32]) {
     let leaf = transport.leaf(members);
     let (fit, leaf_fit) = (transport.fit.expect("fitted"), leaf.fit.as_ref().expect("fitted"));
     for &member in members {
-        receiver_rows(transport, member as usize, LookUps::Few, &mut workspace);
+        receiver_rows(transport, member as usize, LookUps::Few, None, &mut workspace);
         let support = transport.support.of(member as usize);
         let a0 = workspace.outputs[0].probes.clone();
         let expected = long_form(fit, leaf_fit, support, &workspace.found, &a0);
@@ -129,7 +129,7 @@ fn what_is_left_of_a_random_field_is_less_and_as_predicted() {
         let n_modes = fit.modes.len() + COMMON;
         let n_sh = fit.n_sh;
         for &member in members {
-            receiver_rows(transport, member as usize, LookUps::Few, &mut workspace);
+            receiver_rows(transport, member as usize, LookUps::Few, None, &mut workspace);
             let squared_error = |row: &[f32], found: &Found| -> f64 {
                 let mut error = vec![0.0f64; n_modes];
                 for (hit, weight) in found.hits.iter().zip(&found.hit_weights) {
@@ -277,10 +277,19 @@ fn rows_do_not_depend_on_the_other_members_and_the_sky_is_left_alone() {
             assert_eq!(all.variance.len(), members.len() * all.n_k);
             all
         });
+        // The fit leaves the sky alone. It is nearer to what it should be than by the gather rays, as four times as many look for it.
         let paper = setup.rows(&scene, &gather, 3, 2);
+        let dense = setup.rows(&scene, &GatherSet::new(16_384, receiver_degree, 0), 3, 2);
+        let sky = |rows: &TransportRows| -> Vec<f32> {
+            rows.rows.chunks_exact(rows.n_columns).flat_map(|row| row[7 * 16..].to_vec()).collect()
+        };
+        let error = |rows: &TransportRows| -> f32 {
+            sky(rows).iter().zip(sky(&dense)).map(|(value, dense)| (value - dense).powi(2)).sum::<f32>().sqrt()
+        };
+        let (fitted, gathered) = (error(&rows), error(&paper));
+        assert!(fitted < 0.7 * gathered, "{fitted} {gathered}");
         for (fitted, paper) in rows.rows.chunks_exact(rows.n_columns).zip(paper.rows.chunks_exact(rows.n_columns)) {
             assert_ne!(fitted[..7 * 16], paper[..7 * 16]);
-            assert_eq!(fitted[7 * 16..], paper[7 * 16..]);
         }
     }
 }
@@ -324,7 +333,7 @@ fn a_small_lamp_is_found_by_few_gather_rays() {
     let light = |n_rays: u32| -> f32 {
         setup.with(&scene, &GatherSet::new(n_rays, 0, 0), [2, 0], true, |transport, _| {
             let mut workspace = Workspace::default();
-            receiver_rows(transport, 0, LookUps::Few, &mut workspace);
+            receiver_rows(transport, 0, LookUps::Few, None, &mut workspace);
             let hits = workspace.found.hits.iter().zip(&workspace.found.hit_weights);
             hits.filter(|(hit, _)| hit.surface.glows).map(|(_, weight)| weight).sum()
         })
