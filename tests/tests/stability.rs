@@ -99,15 +99,14 @@ fn does_not_flicker(transport: Transport) {
         // Its rows read no near light.
         return;
     }
-    // Near light reads texels of the map too, and not coarser ones than probes do. Light close by changes faster than probes can
-    // tell, so what counts is what a map of 1024 has less of: no more of it comes from texels than without near light.
+    // Near light reads texels of the map too, single ones where a site is as close to something as a texel is wide. Light close by
+    // changes faster than probes can tell, so what counts is what a map of 1024 has less of: less than a tenth comes from texels.
     let with = |near_bytes: u32, direct_map: u32| {
         let settings = BakeSettings { near_bytes, direct_map, relight_rays: 8000, ..settings.clone() };
         roughness(&bake(scene("cornell"), &settings), TexelPoints::All).1
     };
     let (near, near_of_1024, of_1024) = (with(32, 512), with(32, 1024), with(0, 1024));
     eprintln!("with near light: {near:.5}, of 1024 texels {near_of_1024:.5}; without {of_finer:.5}, {of_1024:.5}");
-    let [from_texels, without] = [near / near_of_1024, of_finer / of_1024].map(|ratio| ratio - 1.0);
-    assert!(from_texels <= without, "near light: {from_texels} of it comes from texels, without {without}");
+    assert!(near < 1.1 * near_of_1024, "near light: {near}, of 1024 texels {near_of_1024}");
     assert!(near < 2e-3, "{near}");
 }
