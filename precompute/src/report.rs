@@ -55,7 +55,7 @@ pub struct BakeReport {
     pub links: LinkFacts,
     /// Receiver pairs on both sides of a chart seam.
     pub seams: u64,
-    /// Closest-hit rays of the receivers.
+    /// Closest-hit rays of the receivers, and those that only look for the sky.
     pub gather_rays: u64,
     /// Visibility rays between surface points and probes.
     pub visibility_rays: u64,

@@ -1,8 +1,9 @@
 //! From a scene to lightmap texels and receivers.
 //!
 //! [`sides`] gives each live side of double-sided surfaces a face of its own; [`cut`] cuts faces where charts have to end;
-//! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads them; [`texels`] covers a map of any
-//! size with them; [`receivers`] turns covered texels into receivers; [`samples`] spreads points over texels.
+//! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads
+//! them; [`texels`] covers a map of any size with them; [`receivers`] turns covered texels into receivers; [`samples`]
+//! spreads points over texels.
 
 mod chart_pyramid;
 mod charts;
@@ -106,7 +107,8 @@ pub struct ReceiverSet {
     /// Points moved out of the way of near geometry.
     pub pushed: usize,
     /// `(texel, receiver)`: texels without a receiver that bilinear taps of their chart touch (at least two texels
-    /// around every chart), and invalid texels, with the nearest receiver of the same chart. By rising texel.
+    /// around every chart), and invalid texels, with the nearest receiver of the same chart; just beyond a seam of a smooth
+    /// surface, with the receiver on its other side. By rising texel.
     pub gutters: Vec<(u32, u32)>,
     /// Receiver pairs on the two sides of a chart seam at the same place; smaller index first, sorted, unique.
     pub seams: Vec<(u32, u32)>,

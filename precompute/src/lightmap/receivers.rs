@@ -60,7 +60,7 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
     for (texel, placed) in map.texels.iter().zip(&placed) {
         match placed {
             Placed::Free(spot) => {
-                set.push(texel.index, spot.point, &sites.next().unwrap_or_default());
+                set.push(texel.index, spot.point, &sites.next().expect("every free texel has a list of sites"));
                 set.chart.push(texel.chart);
                 set.pushed += usize::from(spot.pushed);
             }

@@ -59,8 +59,8 @@ impl<'a> Seams<'a> {
     }
 
     /// Lets the surface go on beyond a seam: gutter texels within reach of a bilinear tap there get the receiver on the other side at
-    /// the place that they would have on it, where nothing stands between the two. Both sides then show the same at the seam, and
-    /// light changes over it as it does within a chart.
+    /// the place that they would have on it, where nothing stands between the two. Light then changes over the
+    /// seam as it does within a chart, to the nearest receiver where the texels of the two sides do not meet.
     ///
     /// `gutters` are `(texel, receiver)` by rising texel, the receivers of the same chart.
     pub(super) fn continue_over(&self, receivers: &ReceiverSet, receiver_at: &[u32], gutters: &mut [(u32, u32)]) {

@@ -145,7 +145,7 @@ pub(super) struct ReceiverFindings {
 /// Which rays are looked up in all probes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LookUps {
-    /// Those of [`GatherSet::looked_up`](super::GatherSet::looked_up), where a fit corrects what few get wrong; else all.
+    /// Those that are [`looked_up`](super::GatherRay::looked_up), where a fit corrects what few get wrong; else all.
     Few,
     /// All.
     All,

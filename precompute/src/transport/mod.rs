@@ -3,7 +3,8 @@
 //! For every receiver the incident directions are sampled by gather rays. Each ray's surface point Γ is looked up in the
 //! supporting probes that see that side of that point, by Eq. (2), and the contributions of all rays add up to the row
 //! of weights from probe radiance to irradiance (Eq. 7) or to receiver radiance (Eqs. 8, 9). Rays that leave the scene
-//! fill the sky columns, more of them where there are openings: the sky is a virtual probe of infinite support. Receivers of a volume gather over the whole sphere.
+//! fill the sky columns, more of them where there are openings: the sky is a virtual probe of infinite support. Receivers of
+//! a volume gather over the whole sphere.
 
 pub mod fit;
 mod gather;
@@ -96,7 +97,7 @@ pub struct Metric {
 /// Rays traced, by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// Closest-hit rays.
+    /// Closest-hit rays, and those that only look for the sky.
     pub gather: u64,
     /// Visibility rays.
     pub visibility: u64,

@@ -1,7 +1,7 @@
 //! Openings to the sky as the receivers of a leaf see them: where a single receiver's rays are too few.
 //!
-//! From the back of a room, 5 rays of 512 pass a window, and under a gray sky that is most of the noise. So the sky columns are sums over a
-//! lattice [`SKY_TIMES`](super::gather::SKY_TIMES) times as fine, whose rays need to know no more than whether they escape, and which are
+//! A window that fills a hundredth of the view gets 5 rays of 512, and under a gray sky that is most of the noise. So the sky columns are
+//! sums over a lattice [`SKY_TIMES`](super::gather::SKY_TIMES) times as fine, whose rays need to know no more than whether they escape, and which are
 //! traced only in directions in which receivers of the leaf, or gather rays of the receiver itself, see the sky. Where nothing stands
 //! before the sky, gather rays are enough.
 
