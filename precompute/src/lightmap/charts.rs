@@ -24,6 +24,8 @@ impl Atlas {
         let mut corners = Vec::with_capacity(scene.face_count());
         let mut sets = Sets::new(scene.face_count());
         let mut edges: Vec<([CornerKey; 2], u32)> = Vec::new();
+        // Faces that lie in one point of the map.
+        let mut points = Vec::new();
         for mesh in &scene.meshes {
             let uv = mesh.uv_set(set);
             edges.clear();
@@ -36,6 +38,9 @@ impl Atlas {
                     let (a, b) = (keys[corner], keys[(corner + 1) % 3]);
                     edges.push((if a <= b { [a, b] } else { [b, a] }, face));
                 }
+                if uv.is_some() && uvs[0] == uvs[1] && uvs[1] == uvs[2] {
+                    points.push(face);
+                }
                 corners.push(uvs);
             }
             edges.sort_unstable();
@@ -45,7 +50,7 @@ impl Atlas {
                 }
             }
         }
-        join_points(&corners, &mut sets);
+        join_points(&corners, &points, &mut sets);
         let mut n_charts = 0;
         let mut chart = vec![0u32; corners.len()];
         for face in 0..corners.len() {
@@ -90,24 +95,23 @@ impl Atlas {
 }
 
 /// Joins faces that lie in one point of the map with the lowest face with area that has a corner there.
-fn join_points(corners: &[[Vec2; 3]], sets: &mut Sets) {
-    let is_point = |uv: &[Vec2; 3]| uv[0] == uv[1] && uv[1] == uv[2];
+fn join_points(corners: &[[Vec2; 3]], points: &[u32], sets: &mut Sets) {
     let key = |uv: Vec2| [uv.x, uv.y].map(|value| (value + 0.0).to_bits());
-    let mut points: HashMap<[u32; 2], Option<u32>> =
-        corners.iter().filter(|uv| is_point(uv)).map(|uv| (key(uv[0]), None)).collect();
-    if points.is_empty() {
+    let place = |&face: &u32| key(corners[face as usize][0]);
+    let mut owners: HashMap<[u32; 2], Option<u32>> = points.iter().map(|face| (place(face), None)).collect();
+    if owners.is_empty() {
         return;
     }
     for (face, uv) in corners.iter().enumerate().filter(|(_, uv)| (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) != 0.0) {
         for &corner in uv {
-            if let Some(owner) = points.get_mut(&key(corner)) {
+            if let Some(owner) = owners.get_mut(&key(corner)) {
                 owner.get_or_insert(face as u32);
             }
         }
     }
-    for (face, uv) in corners.iter().enumerate().filter(|(_, uv)| is_point(uv)) {
-        if let Some(&Some(owner)) = points.get(&key(uv[0])) {
-            sets.join(face as u32, owner);
+    for face in points {
+        if let Some(&Some(owner)) = owners.get(&place(face)) {
+            sets.join(*face, owner);
         }
     }
 }

@@ -9,11 +9,13 @@ mod chart_pyramid;
 mod charts;
 pub mod cut;
 mod gutters;
+pub mod hidden;
 mod pieces;
 mod raster;
 pub mod receivers;
 pub mod samples;
 mod seams;
+mod shared;
 pub mod sides;
 #[cfg(test)]
 mod test_scenes;

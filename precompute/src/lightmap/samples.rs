@@ -2,7 +2,7 @@
 
 use super::raster::Footprint;
 use super::texels::{BAND, NOBODY, bands, for_each_touch, weights};
-use super::{Atlas, Texel, TexelMap, pieces};
+use super::{Atlas, Texel, TexelMap, pieces, shared::SharedTexels};
 use crate::rays::{FacePoint, RayCaster};
 use glam::{DVec2, Vec3};
 use localprt_scenes::{FaceId, Scene, SurfacePoint};
@@ -54,7 +54,9 @@ impl SampledMap<'_> {
         own: impl Fn(&Texel) -> Option<SurfacePoint> + Sync,
         visit: impl Fn(&mut T, &Texel, &TexelSamples) + Sync,
     ) -> Vec<T> {
-        let sampler = Sampler { of: self, scene: self.caster.scene(), size: self.map.size };
+        let scene = self.caster.scene();
+        let sampler = Sampler { of: self, scene, size: self.map.size };
+        let shared = SharedTexels::of(scene, self.atlas, self.map.size);
         let of_band = |(band, faces): (usize, &Vec<u32>)| {
             let first_row = band as u32 * BAND;
             let above = |row: u32| self.map.texels.partition_point(|texel| texel.index / self.map.size < row);
@@ -63,7 +65,14 @@ impl SampledMap<'_> {
             let mut samples = TexelSamples::default();
             for (texel, faces) in texels.iter().zip(sampler.faces(texels, first_row, faces)) {
                 samples.points.clear();
-                samples.is_whole = own(texel).is_some_and(|own| sampler.find(texel, &own, &faces, &mut samples.points));
+                samples.is_whole = false;
+                if let Some(own) = own(texel) {
+                    let of_parts = shared.points(scene, self.atlas, texel, SAMPLES);
+                    match of_parts.as_slice() {
+                        [] => samples.is_whole = sampler.find(texel, &own, &faces, &mut samples.points),
+                        points => sampler.find_shared(&own, points, &mut samples.points),
+                    }
+                }
                 visit(&mut value, texel, &samples);
             }
             value
@@ -167,6 +176,15 @@ impl Sampler<'_> {
         }
         points.truncate(SAMPLES);
         false
+    }
+
+    /// Adds to `points` those on the parts that share a texel that `own` sees: all of them together are what the texel stands for.
+    fn find_shared(&self, own: &SurfacePoint, of_parts: &[FacePoint], points: &mut Vec<FacePoint>) {
+        let own = (own.position, own.geometric_normal);
+        let is_good = |point: &&FacePoint| {
+            (self.of.is_wanted)(point) && pieces::see_each_other(self.of.caster, own, self.place(point))
+        };
+        points.extend(of_parts.iter().filter(is_good).take(SAMPLES).copied());
     }
 
     /// Whether nothing stands between the opposite samples of a texel of one face, and so between them and its center.

@@ -27,7 +27,7 @@ fn of_texel(texel_m: f32) -> LayoutSize {
 fn even(scale: &LocalScale) -> Wanted<'_> {
     const NO_WALLS: &cut::Walls = &cut::Walls::NONE;
     const UNSEEN: &Seen = &Seen { hits: Vec::new(), typical: 0.0 };
-    Wanted { scale, seen: UNSEEN, walls: NO_WALLS, texel_m: &|_| 1.0 }
+    Wanted { scale, seen: UNSEEN, hidden: &[], walls: NO_WALLS, texel_m: &|_| 1.0 }
 }
 
 /// A layout at even density, whatever the scene has, and the size of its map.

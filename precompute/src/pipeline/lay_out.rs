@@ -4,7 +4,7 @@ use super::failures::{placement_error, tree_error, unwrap_error, voxel_error};
 use crate::{
     error::BakeError,
     lightmap::{
-        Atlas, LayoutReport, ReceiverSet, cut, receivers, sides,
+        Atlas, LayoutReport, ReceiverSet, cut, hidden, receivers, sides,
         unwrap::{self, LayoutSize, Wanted},
     },
     probes,
@@ -120,12 +120,17 @@ pub(super) fn lay_out(
     cut::by_scale(&mut split, scale);
     let edge_m = texel_edge(scale, &split, settings);
     let walls = cut::by_surfaces(&mut split, caster, &edge_m);
-    let seen = match scale.is_uniform() {
-        true => Seen::default(),
-        false => scale::importance(scale, grid, &RayCaster::new(&split).map_err(tree_error)?),
+    let (seen, hidden) = match scale.is_uniform() {
+        true => (Seen::default(), Vec::new()),
+        false => {
+            let caster = RayCaster::new(&split).map_err(tree_error)?;
+            let seen = scale::importance(scale, grid, &caster);
+            let hidden = hidden::faces(&caster, grid, &seen, &edge_m);
+            (seen, hidden)
+        }
     };
     let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
-    let wanted = Wanted { scale, seen: &seen, walls: &walls, texel_m: &edge_m };
+    let wanted = Wanted { scale, seen: &seen, hidden: &hidden, walls: &walls, texel_m: &edge_m };
     let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
     drop(stage);
     let split = {

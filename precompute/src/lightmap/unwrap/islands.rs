@@ -38,6 +38,8 @@ pub(super) struct Island {
     pub normal: Vec3,
     /// The largest face, by place in `faces`.
     pub largest: usize,
+    /// Neither people nor light see any of it.
+    pub is_hidden: bool,
 }
 
 /// How fine charts are wanted.
@@ -47,6 +49,8 @@ pub struct Wanted<'a> {
     pub scale: &'a LocalScale,
     /// How much of each face is seen; empty for a uniform scale.
     pub seen: &'a Seen,
+    /// `[n_faces]` what light cannot reach, so far as a few rays of each face tell; empty for a uniform scale.
+    pub hidden: &'a [bool],
     /// Edges at which charts end.
     pub walls: &'a Walls,
     /// About the edge of a texel at a place, metres.
@@ -199,6 +203,8 @@ impl Facts<'_> {
             let own = faces.iter().zip(&areas).map(|(&face, &area)| (self.first_face + self.triangle(face), area));
             self.wanted.scale.texel(scale_m as f32, self.wanted.seen.density(own))
         };
+        let is_hidden = !self.wanted.hidden.is_empty()
+            && faces.iter().map(|&face| self.first_face + self.triangle(face)).all(|face| self.wanted.hidden[face]);
         let largest = (0..areas.len()).rev().max_by(|&a, &b| areas[a].total_cmp(&areas[b])).unwrap_or_default();
         let triangle = self.triangle(faces[largest]);
         Island {
@@ -209,6 +215,7 @@ impl Facts<'_> {
             middle: self.scene.corners(self.mesh, triangle).iter().sum::<Vec3>() / 3.0,
             normal: self.scene.geometric_normal(self.mesh, triangle),
             largest,
+            is_hidden,
             faces,
         }
     }

@@ -90,8 +90,8 @@ impl Charts {
         for island in &mut islands {
             let wish = scene.meshes[island.mesh].lightmap;
             island.texel /= wish.texel_scale;
-            if !wish.bake {
-                // Light that bounces off the mesh needs to be known somewhere.
+            if !wish.bake || island.is_hidden {
+                // Light that bounces off the mesh needs to be known somewhere; and that nothing sees a chart is no proof.
                 island.texel *= RANGE;
             }
         }

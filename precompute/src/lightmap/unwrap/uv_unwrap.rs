@@ -2,7 +2,8 @@
 
 use super::{PADDING, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
 use glam::Vec2;
-use uvunwrap::{Density, Error, MeshInput, Options, Stage};
+use rayon::prelude::*;
+use uvunwrap::{Density, Error, MeshInput, Options, Packing, Stage};
 
 /// Above this many charts they are packed by their outlines' rows and columns, which is tens of times faster than nesting
 /// shapes into each other's holes, but leaves more of the map empty. 10,000 charts nest in 15 s or so.
@@ -11,6 +12,10 @@ const MANY_CHARTS: usize = 15_000;
 const CHART_ANGLE: f32 = 70.0;
 /// Charts are cut until no face's texels are this many times larger or smaller in area than the mean.
 const AREA_DISTORTION: f32 = 2.0;
+/// Zooms at which a page is packed at once, how far apart, and how often before it is given up.
+const STEPS: i32 = 4;
+const STEP: f32 = 1.06;
+const MOST_ROUNDS: u32 = 10;
 
 /// The uvunwrap crate: pure Rust, the same layout on any number of threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,10 +35,10 @@ impl Unwrapper for UvUnwrap {
             max_area_distortion: AREA_DISTORTION,
             density: Density::Fixed { texels_per_unit: texels_per_m, page_size: None },
             // Where charts go is settled later.
-            packing: uvunwrap::Packing::Fast,
+            packing: Packing::Fast,
             ..Options::default()
         };
-        let atlas = generate(&meshes, &options, progress)?;
+        let atlas = generate(&meshes, &options, progress).map_err(failure)?;
         Ok(Unwrapped { corners: corners(&atlas) })
     }
 }
@@ -86,27 +91,62 @@ pub(super) fn pack(
             ..MeshInput::new(positions, indices)
         })
         .collect();
-    let options = Options {
-        padding: PADDING,
-        max_area_distortion: f32::MAX,
-        density: match page {
-            Some(page_size) => Density::Auto { page_size },
-            None => Density::Fixed { texels_per_unit: 1.0, page_size: None },
-        },
-        packing: if tight && charts.len() < MANY_CHARTS { uvunwrap::Packing::Shape } else { uvunwrap::Packing::Fast },
-        ..Options::default()
+    let packing = if tight && charts.len() < MANY_CHARTS { Packing::Shape } else { Packing::Fast };
+    let at = |density| {
+        let options =
+            Options { padding: PADDING, max_area_distortion: f32::MAX, density, packing, ..Options::default() };
+        generate(&meshes, &options, progress)
     };
-    let atlas = generate(&meshes, &options, progress)?;
+    let too_many = |charts, texels| UnwrapError::TooManyCharts { charts, texels };
+    let atlas = match page {
+        None => at(Density::Fixed { texels_per_unit: 1.0, page_size: None }).map_err(failure)?,
+        Some(page) if packing == Packing::Shape => {
+            let least = charts.len() as u64 * u64::from(1 + 2 * PADDING).pow(2);
+            let zoomed = |zoom| match at(Density::Fixed { texels_per_unit: zoom, page_size: Some(page) }) {
+                Ok(atlas) => Ok((atlas.page_count <= 1).then_some(atlas)),
+                Err(Error::ChartTooLarge { .. }) => Ok(None),
+                Err(error) => Err(failure(error)),
+            };
+            let fits = if least > u64::from(page).pow(2) { None } else { largest(zoomed)? };
+            fits.ok_or_else(|| too_many(charts.len() as u32, page))?
+        }
+        Some(page_size) => at(Density::Auto { page_size }).map_err(failure)?,
+    };
     if atlas.page_count > 1 {
-        return Err(UnwrapError::TooManyCharts {
-            charts: atlas.chart_count,
-            texels: page.unwrap_or(atlas.width.max(atlas.height)),
-        });
+        return Err(too_many(atlas.chart_count, page.unwrap_or(atlas.width.max(atlas.height))));
     }
     Ok(Packed { corners: corners(&atlas), extent: [atlas.width, atlas.height] })
 }
 
-fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Result<uvunwrap::Atlas, UnwrapError> {
+/// About the largest of layouts by zoom: of those within [`STEP`] of each other, then of two in between. Several at once, and always
+/// the same ones: the library looks for the largest too, but for one after the other, and more closely than it is worth.
+fn largest<T: Send>(at: impl Fn(f32) -> Result<Option<T>, UnwrapError> + Sync) -> Result<Option<T>, UnwrapError> {
+    let best_of = |zooms: &[f32]| -> Result<Option<(f32, T)>, UnwrapError> {
+        let tried: Vec<Option<T>> = zooms.par_iter().map(|&zoom| at(zoom)).collect::<Result<_, _>>()?;
+        Ok(zooms.iter().zip(tried).filter_map(|(&zoom, layout)| Some((zoom, layout?))).next_back())
+    };
+    let (mut first, mut best) = (-STEPS / 2, None);
+    for _ in 0..MOST_ROUNDS {
+        let zooms: Vec<f32> = (first..first + STEPS).map(|step| STEP.powi(step)).collect();
+        match (best_of(&zooms)?, &best) {
+            (Some(found), _) => {
+                let is_last = found.0 == zooms[STEPS as usize - 1];
+                best = Some(found);
+                if !is_last {
+                    break;
+                }
+                first += STEPS;
+            }
+            (None, Some(_)) => break,
+            (None, None) => first -= STEPS,
+        }
+    }
+    let Some((zoom, layout)) = best else { return Ok(None) };
+    let between = [1.0, 2.0].map(|third: f32| zoom * STEP.powf(third / 3.0));
+    Ok(Some(best_of(&between)?.map_or(layout, |(_, layout)| layout)))
+}
+
+fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Result<uvunwrap::Atlas, Error> {
     let told = |state: uvunwrap::Progress| {
         let doing = match state.stage {
             Stage::Packing => "packing charts",
@@ -115,10 +155,14 @@ fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Resu
         };
         progress(doing, state.done, state.total.unwrap_or(0))
     };
-    uvunwrap::generate_with_progress(meshes, options, told).map_err(|error| match error {
+    uvunwrap::generate_with_progress(meshes, options, told)
+}
+
+fn failure(error: Error) -> UnwrapError {
+    match error {
         Error::Cancelled => UnwrapError::Cancelled,
         error => UnwrapError::Backend { backend: "uvunwrap", reason: error.to_string() },
-    })
+    }
 }
 
 /// Corner coordinates of each mesh's triangles in texels; `None` for triangles left out.
