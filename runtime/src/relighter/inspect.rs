@@ -65,7 +65,7 @@ impl Relighter {
         Ok(bytes.chunks_exact(16).map(|color| bytemuck::pod_read_unaligned(&color[..12])).collect())
     }
 
-    /// Bytes that the passes of one gather have to move, each array once however often caches are missed: what their
+    /// Bytes that the passes of one gather, by name, have to move, each array once however often caches are missed: what their
     /// times are to be measured against. Relight rays count all four texels that they read.
     pub fn traffic(&self) -> Vec<(&'static str, u64)> {
         let pages = |size: fn(&TransportPage) -> u64| self.pages.iter().map(size).sum::<u64>();
@@ -77,7 +77,11 @@ impl Relighter {
         let n_fills = self.gutter_dilation.n_fills();
         let irradiance_map = n_fills * texel(&self.maps.irradiance);
         let lookups = 4 * light_map_texel * self.sizes.n_light_map_rays;
-        vec![
+        let near_light = self
+            .near_light
+            .as_ref()
+            .map(|near| ("near_light", near.bytes() + near.n_nodes() * light_map_texel + 2 * coefficients));
+        let passes = [
             ("direct_lightmap", self.direct_lightmap.traffic(light_map_texel) + irradiance_map),
             // Every level but the last is read; every level but the first is written.
             ("lightmap_mips", size * size * light_map_texel * 5 / 3),
@@ -94,17 +98,12 @@ impl Relighter {
                     + lights
                     + coefficients,
             ),
-            (
-                "near_light",
-                self.near_light
-                    .as_ref()
-                    .map_or(0, |near| near.bytes() + near.n_nodes() * light_map_texel + 2 * coefficients),
-            ),
-            (
-                "gutter_dilation",
-                self.gutter_dilation.bytes() + n_fills * (16 * self.sizes.n_k as u64 + texel(&self.maps.irradiance)),
-            ),
-        ]
+        ];
+        let gutter_dilation = (
+            "gutter_dilation",
+            self.gutter_dilation.bytes() + n_fills * (16 * self.sizes.n_k as u64 + texel(&self.maps.irradiance)),
+        );
+        passes.into_iter().chain(near_light).chain([gutter_dilation]).collect()
     }
 
     /// `[n_volume_receivers, n_k]` coefficients of the volume's valid cells; empty without a volume. Waits for the GPU.

@@ -36,6 +36,9 @@ fn passes_are_timed_and_memory_is_told() {
         // The next frame is timed anew.
         frame(&mut gpu, &DirectLight::Irradiance);
         assert_eq!(gpu.wait_for_pass_times().expect("times of the next frame").len(), 6);
+        // What is timed and what is counted are the same passes.
+        let timed = |(name, _): &(&str, u64)| times.iter().any(|time| time.name == *name);
+        assert!(gpu.traffic().iter().all(timed), "{:?}", gpu.traffic());
     }
     let memory = gpu.memory();
     let bytes = |name| memory.iter().find(|(found, _)| *found == name).expect("named").1;
