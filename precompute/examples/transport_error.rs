@@ -9,17 +9,17 @@
 //! compared with what truly does.
 
 use glam::Vec3;
+use localprt_precompute::metrics::{MethodError, mean, nrmse_without_worst};
 use localprt_precompute::{
     inputs,
     progress::Progress,
     validate::{
         Subject, last_leg, lit,
-        metrics::{MethodError, luminance, mean, nrmse_without_worst},
         path_tracer::{PathBudget, PathTracer},
         selection::Pairs,
     },
 };
-use localprt_scenes::Lighting;
+use localprt_scenes::{Lighting, luminance};
 use std::{
     error::Error,
     fs,
@@ -144,7 +144,7 @@ fn report(
 /// RMS over receivers and frames of the change in luminance from frame to frame, and of its difference from the true
 /// change, over the mean of all.
 fn report_frames(frames: &[Frame]) {
-    let light = |values: &[Vec3]| -> Vec<f64> { values.iter().map(|value| luminance(value.as_dvec3())).collect() };
+    let light = |values: &[Vec3]| -> Vec<f64> { values.iter().map(|value| luminance(*value)).collect() };
     let changes = |way: fn(&Frame) -> &[Vec3]| -> Vec<f64> {
         let of_pair = |pair: &[Frame]| -> Vec<f64> {
             light(way(&pair[1])).into_iter().zip(light(way(&pair[0]))).map(|(after, before)| after - before).collect()
@@ -187,9 +187,8 @@ fn report_steps(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, pairs:
     )?;
     let lit = lit::light(subject, lighting, bounces, &progress)?;
     let legs = last_leg::last_leg(subject, &lit, lighting, &all, &progress)?;
-    let by_index = |value: &dyn Fn(usize) -> Vec3| -> Vec<f64> {
-        (0..all.len()).map(|index| luminance(value(index).as_dvec3())).collect()
-    };
+    let by_index =
+        |value: &dyn Fn(usize) -> Vec3| -> Vec<f64> { (0..all.len()).map(|index| luminance(value(index))).collect() };
     let truth = by_index(&|index| reference.irradiance[index]);
     let mean = truth.iter().sum::<f64>() / all.len() as f64;
     let ways = [

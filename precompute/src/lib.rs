@@ -9,9 +9,11 @@
 //! use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};
 //!
 //! let scene = localprt_scenes::load("hall.glb")?;
-//! let baked = bake(scene, &Preset::Preview.settings(), &Progress::silent())?;
+//! let progress = Progress::silent();
+//! let baked = bake(scene, &Preset::Preview.settings(), &progress)?;
 //! println!("{} receivers, {:.1} % unseen", baked.report.receivers, 100.0 * baked.report.unseen.mean);
-//! localprt_formats::write("hall.lprt", &baked.arrays)?;
+//! // The file has to find the scene with its lightmap coordinates, which goes beside it where they are new.
+//! baked.write("hall.lprt".as_ref(), "hall.lightmap.glb".as_ref(), Some("hall.glb".as_ref()), &progress)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -24,6 +26,7 @@ pub mod error;
 pub mod figures;
 pub mod inputs;
 pub mod lightmap;
+pub mod metrics;
 mod morton;
 pub mod output;
 pub mod picture;
@@ -42,10 +45,5 @@ pub mod transport;
 // Path tracing for minutes, and a picture metric in C++.
 #[cfg(not(target_arch = "wasm32"))]
 pub mod validate;
-/// Of validation, what needs neither.
-#[cfg(target_arch = "wasm32")]
-pub mod validate {
-    pub mod metrics;
-}
 pub mod volume;
 pub mod voxels;

@@ -1,12 +1,8 @@
 //! Each metric beside its formula. All are over valid receivers, all finite.
 
 use glam::{DVec3, Vec3};
+use localprt_scenes::luminance;
 use serde::Serialize;
-
-/// Luminance of Rec. 709.
-pub fn luminance(color: DVec3) -> f64 {
-    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
-}
 
 /// Errors of one method against the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -70,14 +66,14 @@ pub fn nrmse_without_worst(found: &[Vec3], reference: &[Vec3], share: f64) -> f6
 /// Share of the points where `|E - E_ref|` is above this share of `mean(E_ref)`; luminance.
 pub fn share_off(found: &[Vec3], reference: &[Vec3], share: f64) -> f64 {
     let n = reference.len().max(1) as f64;
-    let mean = reference.iter().map(|color| luminance(color.as_dvec3())).sum::<f64>() / n;
+    let mean = reference.iter().map(|&color| luminance(color)).sum::<f64>() / n;
     let error = |(found, reference): (&Vec3, &Vec3)| luminance(found.as_dvec3() - reference.as_dvec3()).abs();
     found.iter().zip(reference).filter(|&pair| error(pair) > share * mean).count() as f64 / n
 }
 
 /// `|E - E_ref| / max(E_ref, 0.05 mean E_ref)` of luminance, per receiver.
 pub fn relative_errors(found: &[Vec3], reference: &[Vec3]) -> Vec<f64> {
-    let brightness = |color: &Vec3| luminance(color.as_dvec3());
+    let brightness = |color: &Vec3| luminance(*color);
     let mean = reference.iter().map(brightness).sum::<f64>() / reference.len().max(1) as f64;
     found
         .iter()

@@ -5,6 +5,9 @@ mod facts;
 mod failures;
 mod lay_out;
 mod near_tiles;
+mod write;
+
+pub use write::Written;
 
 use crate::{
     budget::{self, Spent},
@@ -30,19 +33,17 @@ use localprt_formats::{BakedArrays, VolumeArrays, VolumeGrid, check::MAX_VOLUME_
 use localprt_scenes::{Scene, SurfacePoint};
 use near_tiles::near_tiles;
 use rayon::prelude::*;
-use std::time::Instant;
 
 /// What a bake makes.
 #[derive(Debug)]
 pub struct BakeOutput {
-    /// Content of the baked file; `scene_path` and `scene_hash` are the caller's to fill in, as it knows where the scene
-    /// with the lightmap coordinates goes.
+    /// Content of the baked file, which knows its scene once it is [written](BakeOutput::write).
     pub arrays: BakedArrays,
     /// The scene with its lightmap coordinates as TEXCOORD_1.
     pub scene: Scene,
     /// Whether those coordinates are new, so that the scene has to be written beside the baked file.
     pub unwrapped: bool,
-    /// Facts and figures; `bytes.file` is the caller's to fill in.
+    /// Facts and figures, but for what writing adds.
     pub report: BakeReport,
 }
 
@@ -54,7 +55,6 @@ const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 /// # Errors
 /// Those of the stages, by who can act; see [`BakeError`].
 pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Result<BakeOutput, BakeError> {
-    let started = Instant::now();
     settings.check().map_err(|range| BakeError::Option { what: range.to_string(), remedy: RANGES_HELP.into() })?;
     let source = scene_facts(&scene);
     if scene.face_count() == 0 {
@@ -228,7 +228,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     report.warnings = progress.warnings();
     arrays.report = report.to_embedded_json();
     report.stages = progress.stages();
-    report.seconds = started.elapsed().as_secs_f64();
+    report.seconds = progress.seconds();
     report.peak_rss_bytes = peak_rss_bytes().unwrap_or(0);
     report.threads = rayon::current_num_threads() as u64;
     if let Some(allowed) = settings.max_unseen.filter(|&allowed| report.unseen.mean > f64::from(allowed)) {

@@ -35,6 +35,7 @@ pub struct Progress {
     bars: Option<MultiProgress>,
     cancelled: Arc<AtomicBool>,
     record: Mutex<Record>,
+    started: Instant,
 }
 
 #[derive(Default)]
@@ -57,7 +58,7 @@ impl Progress {
     }
 
     fn new(verbosity: Verbosity, bars: Option<MultiProgress>) -> Self {
-        Self { verbosity, bars, cancelled: Arc::default(), record: Mutex::default() }
+        Self { verbosity, bars, cancelled: Arc::default(), record: Mutex::default(), started: Instant::now() }
     }
 
     /// Lets Ctrl-C and SIGTERM cancel: the first time politely ([`Progress::is_cancelled`]), the second time by leaving
@@ -154,6 +155,11 @@ impl Progress {
     /// Value of a counter; 0 if nothing was counted.
     pub fn counter(&self, name: &str) -> u64 {
         self.record().counters.iter().find(|(held, _)| held == name).map_or(0, |&(_, value)| value)
+    }
+
+    /// Seconds since this was made.
+    pub fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
     }
 
     /// Stages so far in the order of their starts; running ones have 0 seconds.

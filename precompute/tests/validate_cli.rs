@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 use localprt_formats::Baked;
+use localprt_precompute::metrics::MethodError;
 use localprt_precompute::reference_file::ReferenceFile;
-use localprt_precompute::validate::metrics::MethodError;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

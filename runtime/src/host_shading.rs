@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 use localprt_formats::sh::irradiance_weights_degree_1;
+use localprt_scenes::luminance;
 use std::f32::consts::PI;
 
 /// Y_00.
@@ -82,18 +83,13 @@ pub struct DominantLight {
 /// Source: Sloan 2008, Stupid Spherical Harmonics Tricks, "Extracting Dominant Light Direction".
 pub fn dominant_light(radiance: &RadianceDegree1) -> DominantLight {
     let [c0, cy, cz, cx] = *radiance;
-    let axis = Vec3::new(luminance(cx), luminance(cy), luminance(cz));
+    let axis = Vec3::from([cx, cy, cz].map(|color| luminance(color) as f32));
     let size = axis.length();
     let dir_to_light = if size > 0.0 { axis / size } else { Vec3::ZERO };
     let along = dir_to_light.x * cx + dir_to_light.y * cy + dir_to_light.z * cz;
     let irradiance = (along / SH_1).max(Vec3::ZERO);
     let ambient = ((c0 - SH_0 * irradiance) * SH_0).max(Vec3::ZERO);
     DominantLight { dir_to_light, irradiance, ambient }
-}
-
-/// Rec. 709.
-fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// Radiance that a directional light's mirror reflection sends to the eye: Cook-Torrance with GGX, height-correlated Smith

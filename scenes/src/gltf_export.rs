@@ -49,12 +49,12 @@ pub enum ExportError {
 }
 
 /// Writes a scene as .glb: one node and mesh per [`Mesh`], in order, then lights and cameras. The file appears whole or
-/// not at all.
+/// not at all. Returns the hash that the scene has when it is read from there.
 ///
 /// # Errors
 /// [`ExportError::Write`] if the file cannot be written, [`ExportError::TooLarge`] beyond 4 GiB,
 /// [`ExportError::Image`] if an image cannot be encoded.
-pub fn export_glb(scene: &Scene, path: impl AsRef<Path>) -> Result<(), ExportError> {
+pub fn export_glb(scene: &Scene, path: impl AsRef<Path>) -> Result<[u8; 32], ExportError> {
     let path = path.as_ref();
     let (root, bin) = document(scene, path)?;
     let glb = container(&root, &bin).map_err(|bytes| ExportError::TooLarge {
@@ -62,7 +62,8 @@ pub fn export_glb(scene: &Scene, path: impl AsRef<Path>) -> Result<(), ExportErr
         bytes,
         limit: u64::from(u32::MAX),
     })?;
-    write_atomically(path, &glb).map_err(|cause| ExportError::Write { file: path.to_owned(), cause })
+    write_atomically(path, &glb).map_err(|cause| ExportError::Write { file: path.to_owned(), cause })?;
+    Ok(*blake3::hash(&glb).as_bytes())
 }
 
 /// The glTF JSON under construction, with its one buffer.

@@ -5,11 +5,13 @@
 //! overrides.
 
 pub mod builtin;
+mod color;
 pub mod gltf_export;
 pub mod gltf_import;
 pub mod lighting;
 pub mod scene;
 
+pub use color::luminance;
 pub use gltf_export::{ExportError, export_glb};
 pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_bytes, load_within};
 pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};

@@ -2,17 +2,14 @@
 
 use super::{check_output, grouped, print_data, size, write_text};
 use crate::cli::Bake;
-use localprt_formats::WriteError;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::output::{OutputError, check_writable};
-use localprt_precompute::pipeline::{self, BakeOutput};
+use localprt_precompute::pipeline::{self, Written};
 use localprt_precompute::progress::Progress;
-use localprt_precompute::report::{self, BakeReport};
+use localprt_precompute::report::BakeReport;
 use localprt_precompute::settings::BakeSettings;
-use localprt_scenes::export_glb;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Runs the subcommand.
 pub fn run(command: &Bake, progress: &Progress) -> Result<(), CommandError> {
@@ -46,7 +43,6 @@ pub fn bake(
     settings: &BakeSettings,
     progress: &Progress,
 ) -> Result<BakeReport, CommandError> {
-    let started = Instant::now();
     inputs::check_scene(source)?;
     let scene_output = scene_output(source, output)?;
     check_baked_output(output)?;
@@ -60,32 +56,11 @@ pub fn bake(
         let error = CommandError::from(error);
         if about_scene { error.in_file(Path::new(source)) } else { error }
     })?;
-    let BakeOutput { mut arrays, scene, unwrapped, mut report } = baked;
+    let source = (!source.starts_with(inputs::BUILTIN)).then(|| Path::new(source));
+    let Written { scene, is_scene_new, report } = baked.write(output, &scene_output, source, progress)?;
 
-    let stage = progress.stage("write", 0);
-    let is_builtin = source.starts_with(inputs::BUILTIN);
-    let scene_path = if unwrapped || is_builtin {
-        export_glb(&scene, &scene_output)
-            .map_err(|error| CommandError::of(Exit::Io, &error).with_remedy().in_file(&scene_output))?;
-        // As a reader will find it.
-        arrays.metadata.scene_hash = inputs::scene_file(&scene_output)?.hash;
-        scene_output.clone()
-    } else {
-        arrays.metadata.scene_hash = scene.hash;
-        PathBuf::from(source)
-    };
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    arrays.metadata.scene_path = inputs::relative_path(folder, &scene_path)?;
-    localprt_formats::write(output, &arrays).map_err(|error| refused(output, error))?;
-    drop(stage);
-
-    report.bytes.file = std::fs::metadata(output).map_or(0, |data| data.len());
-    report.stages = progress.stages();
-    report.seconds = started.elapsed().as_secs_f64();
-    report.peak_rss_bytes = report::peak_rss_bytes().unwrap_or(0);
-    report.threads = rayon::current_num_threads() as u64;
-    if unwrapped || is_builtin {
-        progress.note(&format!("wrote {} (the scene with lightmap coordinates)", scene_output.display()));
+    if is_scene_new {
+        progress.note(&format!("wrote {} (the scene with lightmap coordinates)", scene.display()));
     }
     progress.note(&format!(
         "wrote {}: {}, {} receivers, {} probes, {} clusters, unseen {:.2} %, {:.1} s",
@@ -100,13 +75,11 @@ pub fn bake(
     Ok(report)
 }
 
-/// A baked file is renamed into place, which a device or a pipe does not allow.
-fn check_baked_output(output: &Path) -> Result<(), CommandError> {
+fn check_baked_output(output: &Path) -> Result<(), OutputError> {
     if std::fs::metadata(output).is_ok_and(|data| !data.is_file() && !data.is_dir()) {
-        let error = CommandError::new(Exit::Io, "exists and is not a regular file");
-        return Err(error.in_file(output).help("choose another name"));
+        return Err(OutputError::NotAFile { path: output.to_owned() });
     }
-    Ok(check_writable(output)?)
+    check_writable(output)
 }
 
 /// Where the scene with lightmap coordinates goes, beside OUT.lprt: OUT.glb, or OUT.lightmap.glb where that is the input.
@@ -144,13 +117,5 @@ fn warn_of_dropped(scene: &localprt_scenes::Scene, progress: &Progress) {
             grouped(dropped.degenerate as u64),
             grouped(dropped.duplicate as u64)
         ));
-    }
-}
-
-fn refused(path: &Path, error: WriteError) -> CommandError {
-    match error {
-        WriteError::Io { source, .. } => OutputError::write(path, source).into(),
-        WriteError::Invalid(_) => BakeError::Internal { what: error.to_string() }.into(),
-        _ => CommandError::of(Exit::Internal, &error).with_remedy().in_file(path),
     }
 }

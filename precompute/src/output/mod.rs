@@ -31,6 +31,12 @@ pub enum OutputError {
         /// The file asked for.
         path: PathBuf,
     },
+    /// A baked file is renamed into place, which a device or a pipe does not allow.
+    #[error("exists and is not a regular file")]
+    NotAFile {
+        /// The file asked for.
+        path: PathBuf,
+    },
     /// The system refused: no permission, disk full, ...
     #[error("cannot be written: {}", reason(cause))]
     Write {
@@ -60,6 +66,7 @@ impl OutputError {
         match self {
             Self::NoFolder { path, .. }
             | Self::IsFolder { path }
+            | Self::NotAFile { path }
             | Self::Write { path, .. }
             | Self::Encode { path, .. } => path,
         }
@@ -70,6 +77,7 @@ impl OutputError {
         match self {
             Self::NoFolder { folder, .. } => format!("create it first: mkdir -p {}", folder.display()),
             Self::IsFolder { path } => format!("name a file in it, such as {}", path.join("out").display()),
+            Self::NotAFile { .. } => "choose another name".into(),
             Self::Write { cause, .. } => match cause.kind() {
                 io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free some space, or write elsewhere",
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {

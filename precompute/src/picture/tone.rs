@@ -1,6 +1,7 @@
 //! From radiance to what a screen shows.
 
 use glam::Vec3;
+use localprt_scenes::luminance;
 
 /// Exposed value that the tone curve maps to white.
 pub const WHITE: f32 = 4.0;
@@ -28,7 +29,7 @@ impl Exposure {
 
 fn automatic(pixels: &[Vec3]) -> f32 {
     let mut luminances: Vec<f32> =
-        pixels.iter().map(|pixel| luminance(*pixel)).filter(|value| *value > 0.0 && value.is_finite()).collect();
+        pixels.iter().map(|pixel| luminance(*pixel) as f32).filter(|value| *value > 0.0 && value.is_finite()).collect();
     if luminances.is_empty() {
         return 0.0;
     }
@@ -38,11 +39,6 @@ fn automatic(pixels: &[Vec3]) -> f32 {
     let mean_log2 = middle.iter().map(|value| f64::from(value.log2())).sum::<f64>() / middle.len() as f64;
     let highlights = WHITE.log2() - luminances[at(95)].log2();
     (0.18f32.log2() - mean_log2 as f32).min(highlights)
-}
-
-/// Rec. 709 luminance.
-fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// Exposed linear value to display-linear 0..=1, each colour band alone: x (1 + x / WHITE^2) / (1 + x), 1 from WHITE on.

@@ -14,29 +14,24 @@ pub(super) fn tree_error(error: TreeError) -> BakeError {
 }
 
 pub(super) fn voxel_error(error: VoxelError) -> BakeError {
-    stage_error(&error.to_string(), matches!(error, VoxelError::EmptyScene | VoxelError::NotFinite { .. }))
+    stage_error(error.to_string(), error.help(), error.is_of_scene())
 }
 
 pub(super) fn placement_error(error: PlacementError) -> BakeError {
-    use PlacementError as E;
-    let of_scene = matches!(error, E::NoOpenSpace { .. } | E::NoCandidate { .. } | E::NoReceivers);
-    stage_error(&error.to_string(), of_scene)
+    stage_error(error.to_string(), error.help(), error.is_of_scene())
 }
 
 pub(super) fn unwrap_error(error: UnwrapError) -> BakeError {
+    let (what, remedy) = (error.to_string(), error.help());
     match error {
         UnwrapError::Cancelled => BakeError::Cancelled(Cancelled),
-        UnwrapError::NotBuilt => {
-            BakeError::Unsupported { what: error.to_string(), remedy: "use the default unwrap backend".into() }
-        }
-        UnwrapError::NotFinite { .. } | UnwrapError::Backend { .. } => stage_error(&error.to_string(), true),
-        _ => stage_error(&error.to_string(), false),
+        UnwrapError::NotBuilt => BakeError::Unsupported { what, remedy },
+        UnwrapError::NotFinite { source_path, .. } => BakeError::Scene { what, place: Some(source_path), remedy },
+        UnwrapError::Backend { .. } => stage_error(what, remedy, true),
+        _ => stage_error(what, remedy, false),
     }
 }
 
-/// The stages' messages end in `: REMEDY`.
-fn stage_error(message: &str, of_scene: bool) -> BakeError {
-    let (what, remedy) = message.rsplit_once(": ").unwrap_or((message, "see precompute bake --help"));
-    let (what, remedy) = (what.to_owned(), remedy.to_owned());
+fn stage_error(what: String, remedy: String, of_scene: bool) -> BakeError {
     if of_scene { BakeError::Scene { what, place: None, remedy } } else { BakeError::Option { what, remedy } }
 }

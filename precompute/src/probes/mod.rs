@@ -110,7 +110,7 @@ pub struct PlacementReport {
 #[non_exhaustive]
 pub enum PlacementError {
     /// An option is out of range.
-    #[error("{option} is {value}: must be {allowed}")]
+    #[error("{option} is {value}, which is out of range")]
     InvalidOption {
         /// The option's name.
         option: &'static str,
@@ -120,9 +120,7 @@ pub enum PlacementError {
         allowed: &'static str,
     },
     /// More probes than a bake can hold.
-    #[error(
-        "a spacing of {spacing_m} m asks for {count:.0} probes, more than {MAX_PROBES}: use a larger spacing or give the probe count"
-    )]
+    #[error("a spacing of {spacing_m} m asks for {count:.0} probes, more than {MAX_PROBES}")]
     TooManyProbes {
         /// Probe spacing, metres.
         spacing_m: f32,
@@ -130,10 +128,7 @@ pub enum PlacementError {
         count: f64,
     },
     /// No empty voxel is part of the space to light.
-    #[error(
-        "no open space among {voxels} voxels of {voxel_m} m ({solid} solid, the rest behind surfaces): use a smaller \
-         voxel size, name interior points, or turn one-sided surfaces to face the space to light"
-    )]
+    #[error("no open space among {voxels} voxels of {voxel_m} m ({solid} solid, the rest behind surfaces)")]
     NoOpenSpace {
         /// Voxels of the grid.
         voxels: usize,
@@ -144,8 +139,8 @@ pub enum PlacementError {
     },
     /// There are open voxels, but none of them is good for a probe.
     #[error(
-        "each of {tested} possible probe positions is behind surfaces, within a quarter voxel of one, or sees none: use a smaller \
-         voxel size than {voxel_m} m, or turn one-sided surfaces to face the space to light"
+        "each of {tested} possible probe positions, in voxels of {voxel_m} m, is behind surfaces, within a quarter voxel of \
+         one, or sees none"
     )]
     NoCandidate {
         /// Voxels tried.
@@ -157,15 +152,37 @@ pub enum PlacementError {
     #[error("there are no receivers to place probes for")]
     NoReceivers,
     /// More receiver-probe pairs than 32-bit offsets reach.
-    #[error(
-        "{pairs} pairs of receivers and supporting probes, more than {limit}: lower the overlap or the number of receivers"
-    )]
+    #[error("{pairs} pairs of receivers and supporting probes are more than {limit}")]
     TooManyPairs {
         /// Pairs needed.
         pairs: u64,
         /// Most that can be stored.
         limit: u64,
     },
+}
+
+impl PlacementError {
+    /// What to do.
+    pub fn help(&self) -> String {
+        match self {
+            Self::InvalidOption { allowed, .. } => format!("give a value {allowed}"),
+            Self::TooManyProbes { .. } => "use a larger spacing or give the probe count".into(),
+            Self::NoOpenSpace { .. } => {
+                "use a smaller voxel size, name interior points, or turn one-sided surfaces to face the space to light"
+                    .into()
+            }
+            Self::NoCandidate { .. } => {
+                "use smaller voxels, or turn one-sided surfaces to face the space to light".into()
+            }
+            Self::NoReceivers => "let some surfaces face the space to light".into(),
+            Self::TooManyPairs { .. } => "lower the overlap or the number of receivers".into(),
+        }
+    }
+
+    /// Whether the scene is to be mended, and not an option.
+    pub(crate) fn is_of_scene(&self) -> bool {
+        matches!(self, Self::NoOpenSpace { .. } | Self::NoCandidate { .. } | Self::NoReceivers)
+    }
 }
 
 /// Probe count that thinning aims at: `settings.probes`, or the points of a regular grid of spacing `rho` over the

@@ -7,6 +7,7 @@
 //! a volume gather over the whole sphere.
 
 pub mod fit;
+mod found;
 mod gather;
 mod kernel;
 mod near;

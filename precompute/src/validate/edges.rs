@@ -1,9 +1,7 @@
 //! What the lightmap shows beside edges: light that has come through a wall, and light that is brighter than any around.
 
-use super::{
-    metrics::percentile,
-    surface_pixels::{DARK, SMOOTH_TEXELS, SurfacePixel, SurfacePixels},
-};
+use super::surface_pixels::{DARK, SMOOTH_TEXELS, SurfacePixel, SurfacePixels};
+use crate::metrics::percentile;
 use rayon::prelude::*;
 use serde::Serialize;
 

@@ -1,11 +1,9 @@
 //! What the error is made of: shares that add up to it receiver by receiver, and the reasons of the worst ones.
 
-use super::{
-    last_leg::{LastLeg, TruthLeg},
-    metrics::{percentile, rms},
-    path_tracer::luminance,
-};
+use super::last_leg::{LastLeg, TruthLeg};
+use crate::metrics::{percentile, rms};
 use glam::{DVec3, Vec3};
+use localprt_scenes::luminance;
 use serde::Serialize;
 
 /// Receivers looked at as the worst ones.

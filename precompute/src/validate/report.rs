@@ -3,13 +3,13 @@
 use super::{
     Findings, MeasureSettings, NormFigures,
     coverage::Coverage,
-    metrics::{MethodError, rms},
     parts::{ErrorParts, Worst},
     seen::SeenError,
     state::{Leak, StateFindings, View},
     steps::Steps,
     sweep::SweepFindings,
 };
+use crate::metrics::{MethodError, rms};
 use serde::Serialize;
 
 /// The whole of `metrics.json`. The first fields are those of the first lighting state.

@@ -4,11 +4,8 @@
 //! Receivers are measured elsewhere; a small bright one counts there as much as a wall. Here a pixel is a pixel, and the
 //! figures hold what texels do to the light as well: a read between four of them, over gutters and beside edges.
 
-use super::{
-    metrics::{MethodError, nrmse_without_worst, rms, share_off},
-    path_tracer::Estimates,
-    subject::Subject,
-};
+use super::{path_tracer::Estimates, subject::Subject};
+use crate::metrics::{MethodError, nrmse_without_worst, rms, share_off};
 use crate::{
     picture::camera_dir,
     rays::{SurfaceHit, frame},
@@ -72,7 +69,7 @@ impl SeenError {
     pub fn of(points: &[SeenPoint], map: &CoverageMap, unseen: &CoverageMap, reference: &Estimates) -> Self {
         let found: Vec<Vec3> = points.iter().map(|seen| engine_read(map, seen.uv)).collect();
         let Some(error) = MethodError::of(&found, &reference.irradiance) else { return Self::default() };
-        let mean = super::metrics::mean(&reference.irradiance);
+        let mean = crate::metrics::mean(&reference.irradiance);
         let shares: Vec<f64> =
             points.iter().filter_map(|seen| unseen.sample(seen.uv)).map(|share| f64::from(share.x)).collect();
         let [off_10, off_50] = [0.1, 0.5].map(|share| share_off(&found, &reference.irradiance, share));

@@ -6,20 +6,20 @@ use super::{
     flip::mean_flip,
     last_leg::{LastLeg, TruthLeg, last_leg, truth_leg},
     lit::{Lit, light},
-    metrics::{MethodError, mean},
     mottling::Mottling,
     parts::{ErrorParts, Worst, parts},
-    path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings, luminance},
+    path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings},
     seen::{SeenError, SeenPoint},
     selection::{Pairs, spread, thin},
     steps::Steps,
     subject::Subject,
     surface_pixels::{SurfacePixel, SurfacePixels},
 };
+use crate::metrics::{MethodError, mean};
 use crate::{error::BakeError, picture::Exposure, progress::Progress};
 use glam::Vec3;
 use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
-use localprt_scenes::{Camera, Lighting};
+use localprt_scenes::{Camera, Lighting, luminance};
 use serde::Serialize;
 
 /// Names of the methods, in the order of [`StateFindings::methods`].
@@ -218,7 +218,7 @@ pub fn measure(
     };
     let truths = truth_leg(subject, &lit, lighting, sample, &first_bounce, progress)?;
     let (parts, worst) = parts(&truths, &legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
-    let brightness = |color: Vec3| luminance(color.as_dvec3());
+    let brightness = |color: Vec3| luminance(color);
     let brightness_mean =
         reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / sample.len().max(1) as f64;
     let steps = Steps::of(
@@ -343,7 +343,7 @@ fn seen_receivers(subject: &Subject<'_>, views: &[View]) -> Vec<u32> {
 }
 
 fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
-    let brightness = |color: &Vec3| luminance(color.as_dvec3());
+    let brightness = |color: &Vec3| luminance(*color);
     let sealed: Vec<f64> = compressed
         .iter()
         .zip(reference)
@@ -366,7 +366,7 @@ impl StateFindings {
 
     /// `|E - E_ref|` of luminance at the measured receivers, W m^-2.
     pub fn absolute_errors(&self, sample: &[u32]) -> Vec<f64> {
-        let brightness = |color: Vec3| luminance(color.as_dvec3());
+        let brightness = |color: Vec3| luminance(color);
         let pairs = self.compressed(sample).into_iter().zip(&self.reference.irradiance);
         pairs.map(|(found, &reference)| (brightness(found) - brightness(reference)).abs()).collect()
     }

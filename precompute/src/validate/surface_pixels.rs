@@ -2,7 +2,7 @@
 //! show, and how far the next edge is. [`super::edges`] and [`super::mottling`] read them.
 
 use super::{
-    path_tracer::{PixelLight, ViewLight, luminance},
+    path_tracer::{PixelLight, ViewLight},
     seen::{engine_read, of_hit},
     subject::Subject,
 };
@@ -12,7 +12,7 @@ use crate::{
 };
 use glam::{Vec2, Vec3, Vec4Swizzles};
 use localprt_runtime::CoverageMap;
-use localprt_scenes::Camera;
+use localprt_scenes::{Camera, luminance};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
@@ -102,8 +102,8 @@ impl SurfacePixels {
                 texel_m,
                 edge_texels: edge_m(subject.caster, &hit, SMOOTH_TEXELS * texel_m) / texel_m,
                 radius_m: radius_m(subject, seen.uv),
-                found: luminance(engine_read(map, seen.uv).as_dvec3()),
-                halves: light.indirect.map(|half| luminance(half.as_dvec3())),
+                found: luminance(engine_read(map, seen.uv)),
+                halves: light.indirect.map(|half| luminance(half)),
             })
         };
         Self::new(picture.rays.par_iter().enumerate().filter_map(pixel).collect())

@@ -1,14 +1,10 @@
 //! Sweeps: the scene is baked again with other values of one option, and the error plotted over it (figures 10 and 11).
 
 use super::{
-    MeasureSettings, StateFindings,
-    lit::light,
-    metrics::{MethodError, percentile},
-    operator_norm::operator_norm,
-    selection::thin,
-    state::irradiance_map,
+    MeasureSettings, StateFindings, lit::light, operator_norm::operator_norm, selection::thin, state::irradiance_map,
     subject::Subject,
 };
+use crate::metrics::{MethodError, percentile};
 use crate::{
     error::BakeError,
     pipeline::bake,

@@ -72,7 +72,7 @@ pub enum VoxelError {
     #[error("the scene has no triangles, so there is no space to place probes in")]
     EmptyScene,
     /// The scene box is not finite.
-    #[error("the scene reaches from {low} to {high}: coordinates must be finite")]
+    #[error("the scene reaches from {low} to {high}, which is not finite")]
     NotFinite {
         /// Lowest corner of the scene box.
         low: Vec3,
@@ -80,7 +80,7 @@ pub enum VoxelError {
         high: Vec3,
     },
     /// A length option is zero, negative or not finite.
-    #[error("{option} is {value} m: must be greater than 0 and finite")]
+    #[error("{option} is {value} m, which is no length")]
     InvalidLength {
         /// The option's name.
         option: &'static str,
@@ -88,7 +88,7 @@ pub enum VoxelError {
         value: f32,
     },
     /// The asked-for voxels would not fit the memory cap, or not be told apart in f32.
-    #[error("voxel size {voxel_m} m is too small for this scene: at least {smallest_m} m is needed")]
+    #[error("voxel size {voxel_m} m is too small for this scene, which needs {smallest_m} m at least")]
     VoxelTooSmall {
         /// What was asked for, metres.
         voxel_m: f32,
@@ -109,8 +109,7 @@ pub enum VoxelError {
     },
     /// An interior point in geometry.
     #[error(
-        "interior point {index} at {point} is inside geometry: no empty voxel of {voxel_m} m beside it can be seen from \
-         it; move it into the open or use a smaller voxel size"
+        "interior point {index} at {point} is inside geometry: no empty voxel of {voxel_m} m beside it can be seen from it"
     )]
     InteriorSolid {
         /// Which one, from 0.
@@ -120,6 +119,25 @@ pub enum VoxelError {
         /// Voxel size, metres.
         voxel_m: f32,
     },
+}
+
+impl VoxelError {
+    /// What to do.
+    pub fn help(&self) -> String {
+        match self {
+            Self::EmptyScene => "export surfaces with the scene".into(),
+            Self::NotFinite { .. } => "mend or remove the meshes whose coordinates are not finite".into(),
+            Self::InvalidLength { .. } => "give a finite length above 0 m".into(),
+            Self::VoxelTooSmall { smallest_m, .. } => format!("give a voxel size of {smallest_m} m or more"),
+            Self::InteriorOutside { .. } => "move the point into the scene".into(),
+            Self::InteriorSolid { .. } => "move the point into the open or use a smaller voxel size".into(),
+        }
+    }
+
+    /// Whether the scene is to be mended, and not an option.
+    pub(crate) fn is_of_scene(&self) -> bool {
+        matches!(self, Self::EmptyScene | Self::NotFinite { .. })
+    }
 }
 
 impl VoxelGrid {

@@ -6,8 +6,8 @@
 use crate::views::ViewKind;
 use localprt_formats::BakedView;
 use localprt_precompute::figures::{Ramp, nice_range};
+use localprt_precompute::metrics::percentile;
 use localprt_precompute::reference_file::ReferenceFile;
-use localprt_precompute::validate::metrics::percentile;
 
 mod clusters;
 mod error;

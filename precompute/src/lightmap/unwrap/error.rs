@@ -7,19 +7,19 @@ use super::{MAX_SIZE, MIN_SIZE};
 #[non_exhaustive]
 pub enum UnwrapError {
     /// The receiver map is too small or too large.
-    #[error("a lightmap of {texels} texels per side is out of range: choose {MIN_SIZE} to {MAX_SIZE}")]
+    #[error("a lightmap of {texels} texels per side is out of range")]
     SizeOutOfRange {
         /// What was asked for.
         texels: u32,
     },
     /// The texel size is no length.
-    #[error("a texel of {texel_m} m is no length: choose one above 0")]
+    #[error("a texel of {texel_m} m is no length")]
     BadTexel {
         /// What was asked for, metres.
         texel_m: f32,
     },
     /// A vertex that no surface can have.
-    #[error("mesh {mesh} ({source_path}): vertex {vertex} is not finite")]
+    #[error("vertex {vertex} of mesh {mesh} is not finite")]
     NotFinite {
         /// Mesh name.
         mesh: String,
@@ -29,9 +29,7 @@ pub enum UnwrapError {
         vertex: usize,
     },
     /// More charts than the map has room for.
-    #[error(
-        "the surface falls into {charts} charts, which do not fit a lightmap of {texels} texels per side: choose a larger lightmap, or join vertices that lie apart by accident"
-    )]
+    #[error("the surface falls into {charts} charts, which do not fit a lightmap of {texels} texels per side")]
     TooManyCharts {
         /// Charts.
         charts: u32,
@@ -39,7 +37,7 @@ pub enum UnwrapError {
         texels: u32,
     },
     /// The backend is not in this build.
-    #[error("this program was built without xatlas: build it with `--features xatlas`, or unwrap with uvunwrap")]
+    #[error("this program was built without xatlas")]
     NotBuilt,
     /// The backend refused the surface.
     #[error("{backend} could not unwrap the scene: {reason}")]
@@ -50,7 +48,7 @@ pub enum UnwrapError {
         reason: String,
     },
     /// The backend's process failed.
-    #[error("xatlas did not finish ({reason}): unwrap with uvunwrap instead")]
+    #[error("xatlas did not finish: {reason}")]
     Child {
         /// What happened to the process.
         reason: String,
@@ -58,4 +56,22 @@ pub enum UnwrapError {
     /// The caller asked to stop.
     #[error("unwrapping was cancelled")]
     Cancelled,
+}
+
+impl UnwrapError {
+    /// What to do.
+    pub fn help(&self) -> String {
+        match self {
+            Self::SizeOutOfRange { .. } => format!("choose {MIN_SIZE} to {MAX_SIZE}"),
+            Self::BadTexel { .. } => "choose a length above 0 m".into(),
+            Self::NotFinite { .. } => "mend the vertex, or leave the mesh out".into(),
+            Self::TooManyCharts { .. } => {
+                "choose a larger lightmap, or join vertices that lie apart by accident".into()
+            }
+            Self::NotBuilt => "build it with `--features xatlas`, or unwrap with uvunwrap".into(),
+            Self::Backend { .. } => "mend the mesh that it names, or give the scene a TEXCOORD_1 of its own".into(),
+            Self::Child { .. } => "unwrap with uvunwrap instead".into(),
+            Self::Cancelled => "start again".into(),
+        }
+    }
 }

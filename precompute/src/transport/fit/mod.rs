@@ -40,7 +40,7 @@ mod tests;
 
 use super::{
     Metric,
-    kernel::{Found, OutputSums},
+    found::{COMMON, Found, OutputSums, Surface},
 };
 use crate::{
     emitters::Emitters,
@@ -75,8 +75,6 @@ const LEAST: f32 = 0.01;
 const CONSTANT: f32 = 10.0;
 /// Variance of radiance that all surfaces have in common, whatever their scale, over the square of the usual scale.
 const EVEN: f32 = 0.3;
-/// What all surfaces have in common: as many modes beside those of the patches.
-pub(super) const COMMON: usize = 2;
 /// Surfaces that no supporting probe sees count in those modes times this power of the share of the view that some probe sees.
 const EXTRAPOLATION: i32 = 4;
 /// μ of (F2) with patches of the edge `FINEST`. It grows with their area: what a patch does not resolve is an error of the
@@ -109,15 +107,6 @@ struct SeenPoint {
     position: Vec3,
     normal: Vec3,
     surface: Surface,
-}
-
-/// What the prior knows of a surface point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Surface {
-    /// s(y).
-    pub scale: f32,
-    /// Its material emits light.
-    pub glows: bool,
 }
 
 /// What the rows of a leaf are fitted with.

@@ -10,11 +10,10 @@ use super::Surface;
 use crate::{
     lightmap::{Atlas, ReceiverSet},
     rays::{FacePoint, RayCaster, frame},
-    validate::metrics::luminance,
 };
 use glam::{FloatExt, Vec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
-use localprt_scenes::Scene;
+use localprt_scenes::{Scene, luminance};
 use rayon::prelude::*;
 
 /// Surfaces count as no darker than this.
@@ -94,7 +93,7 @@ impl Openness {
 /// Brightness of the surface's own albedo; not less than what a change of material at run time may make of it.
 fn albedo(scene: &Scene, point: &FacePoint) -> f32 {
     let color = scene.base_color(point.mesh, point.triangle, point.barycentrics).truncate();
-    (luminance(color.as_dvec3()) as f32).clamp(LEAST_ALBEDO, 1.0)
+    (luminance(color) as f32).clamp(LEAST_ALBEDO, 1.0)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::{
     picture::Exposure,
     validate::{
         NormFigures,
-        path_tracer::{PixelLight, luminance},
+        path_tracer::PixelLight,
         report::Metrics,
         selection::spread,
         state::{View, irradiance_map, sampled},
@@ -17,6 +17,7 @@ use crate::{
     },
 };
 use glam::Vec3;
+use localprt_scenes::luminance;
 use std::f32::consts::PI;
 
 /// A quantity of every receiver.
@@ -138,7 +139,7 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
     };
     let mut all = Vec::new();
     if let Some(state) = findings.states.first() {
-        let brightness = |color: Vec3| luminance(color.as_dvec3());
+        let brightness = |color: Vec3| luminance(color);
         let n = state.reference.irradiance.len().max(1) as f64;
         let mean = state.reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / n;
         let errors: Vec<f32> = state

@@ -1,6 +1,7 @@
 //! The section of one lighting state: table of methods, pictures, reasons.
 
 use super::{Context, Folder, percent, signed_percent};
+use crate::metrics::MethodError;
 use crate::{
     figures::{Block, HeatMap, NamedImage, Ramp, Rgb8Image, Section, nice_signed_range},
     output::OutputError,
@@ -8,14 +9,14 @@ use crate::{
     validate::{
         StateFindings,
         flip::flip,
-        metrics::MethodError,
-        path_tracer::{PixelLight, luminance},
+        path_tracer::PixelLight,
         report::{Metrics, StateFigures, ViewFigures},
         state::{View, sampled},
     },
 };
 use glam::Vec3;
 use localprt_runtime::CoverageMap;
+use localprt_scenes::luminance;
 use std::f32::consts::PI;
 
 /// Albedo of every surface in pictures of light alone.
@@ -295,7 +296,7 @@ fn enlarged(view: &View, values: &[f32]) -> Vec<f32> {
 
 /// `(E - E_ref) / mean E_ref` of luminance per pixel of the smooth picture.
 fn relative_error(state: &StateFindings, view: &View) -> Vec<f32> {
-    let brightness = |color: Vec3| luminance(color.as_dvec3());
+    let brightness = |color: Vec3| luminance(color);
     let references = state.reference.irradiance.iter().map(|&color| brightness(color));
     let mean = references.sum::<f64>() / state.reference.irradiance.len().max(1) as f64;
     view.smooth.values(|light| {

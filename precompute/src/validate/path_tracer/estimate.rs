@@ -1,9 +1,10 @@
 //! Irradiance at many points, each sampled until its standard error is small enough.
 
-use super::{PathTracer, Random, SurfacePoint, luminance};
+use super::{PathTracer, Random, SurfacePoint};
 use crate::progress::{Cancelled, Progress};
 use glam::{DVec3, Vec3};
 use localprt_formats::directions::{counter_uniform, fibonacci_square};
+use localprt_scenes::luminance;
 use rayon::prelude::*;
 
 /// Paths of a batch: their first directions form a shifted Fibonacci lattice.

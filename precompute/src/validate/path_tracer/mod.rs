@@ -19,7 +19,6 @@ mod sky;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use super::metrics::luminance;
 pub use estimate::{Estimates, PathBudget};
 pub use picture::{PixelLight, ViewLight, ViewSettings};
 

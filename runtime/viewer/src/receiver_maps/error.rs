@@ -4,8 +4,8 @@ use super::{Legend, ReceiverMap, percentages, ramp_map};
 use glam::Vec3;
 use localprt_formats::BakedView;
 use localprt_precompute::figures::nice_range;
+use localprt_precompute::metrics::relative_errors;
 use localprt_precompute::reference_file::ReferenceFile;
-use localprt_precompute::validate::metrics::relative_errors;
 use rayon::prelude::*;
 
 /// How far a measured receiver speaks for others outside its cluster, in distances that measured receivers would have if

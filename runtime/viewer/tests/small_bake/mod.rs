@@ -1,7 +1,7 @@
 //! A small bake on disk, and the viewer run on it.
 
 use localprt_precompute::{pipeline::bake, progress::Progress, settings::BakeSettings};
-use localprt_scenes::{Scene, builtin, export_glb};
+use localprt_scenes::{Scene, builtin};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -29,13 +29,12 @@ impl SmallBake {
             ..BakeSettings::default()
         };
         let scene = builtin::scene("cornell").expect("a built-in scene");
-        let mut baked = bake(scene, &settings, &Progress::silent()).expect("bakes");
+        let progress = Progress::silent();
         let folder = tempfile::tempdir().expect("folder");
-        export_glb(&baked.scene, folder.path().join("cornell.glb")).expect("written");
-        let scene = localprt_scenes::load(folder.path().join("cornell.glb")).expect("reads");
-        baked.arrays.metadata.scene_path = "cornell.glb".into();
-        baked.arrays.metadata.scene_hash = scene.hash;
-        localprt_formats::write(folder.path().join("cornell.lprt"), &baked.arrays).expect("written");
+        let (file, scene_file) = (folder.path().join("cornell.lprt"), folder.path().join("cornell.glb"));
+        let baked = bake(scene, &settings, &progress).expect("bakes");
+        baked.write(&file, &scene_file, None, &progress).expect("written");
+        let scene = localprt_scenes::load(&scene_file).expect("reads");
         Some(Self { folder, scene })
     }
 
