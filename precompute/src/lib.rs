@@ -2,7 +2,7 @@
 //!
 //! In: a `Scene` (world space, metres) and [`settings::BakeSettings`]. Out: the arrays of a `.lprt` file, the scene with its
 //! lightmap coordinates, and a [`report::BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
-//! [`relight`] prepares a lighting state for the CPU relighter, [`validate`] holds a baked file against path tracing,
+//! [`validate`] holds a baked file against path tracing,
 //! [`reference_file`] keeps what it measured, and the `precompute` command is a thin face over all of them.
 //!
 //! ```no_run
@@ -17,11 +17,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use localprt_surfaces::emitters;
+pub use localprt_surfaces::rays;
+
 pub mod arguments;
 pub mod budget;
 pub mod clusters;
 pub mod compress;
-mod emitters;
 pub mod error;
 pub mod figures;
 pub mod inputs;
@@ -34,9 +36,7 @@ pub mod pipeline;
 pub mod probes;
 pub mod program;
 pub mod progress;
-pub mod rays;
 pub mod reference_file;
-pub mod relight;
 pub mod relight_rays;
 pub mod report;
 pub mod scale;

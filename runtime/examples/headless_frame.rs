@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         material: vec![0],
         ..SceneTexels::default()
     };
-    gi.set_scene(&texels, &ShadowCasters::default())?;
+    gi.set_texels(&texels, &ShadowCasters::default())?;
 
     // 4. Whatever changes, whenever it changes: materials, lights, sky, occluders.
     let glowing = MaterialOverride { albedo: None, emission: Some(Vec3::ONE) };

@@ -12,8 +12,13 @@ use crate::passes::near_light::near_light;
 use crate::passes::probe_relight::probe_relight;
 use crate::passes::receiver_reconstruction::{receiver_irradiance, receiver_reconstruction};
 use crate::passes::volume_fill::{VolumeSampler, volume_fill};
+use crate::scene_light::{SceneLight, caster, scene_texels};
+use crate::surface::SceneTexels;
 use glam::Vec3;
 use localprt_formats::BakedView;
+use localprt_scenes::{Lighting, Scene};
+use localprt_surfaces::rays::RayCaster;
+use std::{fmt, sync::Arc};
 
 /// Limit of the albedo in the feedback: leaves 5 % for a reconstruction whose gain ringing pushes above 1.
 pub const DEFAULT_FEEDBACK_ALBEDO_CAP: f32 = 0.95;
@@ -91,6 +96,21 @@ pub struct CpuRelighter<'a> {
     relit: Relit,
     volume: VolumeLight,
     gathers: u64,
+    scene: Option<Arc<OpenScene<'a>>>,
+    /// What shines in it.
+    light: Arc<SceneLight>,
+}
+
+/// A scene, ready to be lit.
+struct OpenScene<'a> {
+    caster: RayCaster<'a>,
+    texels: SceneTexels,
+}
+
+impl fmt::Debug for OpenScene<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("OpenScene").field("texels", &self.texels.len()).finish_non_exhaustive()
+    }
 }
 
 /// Light of the volume; empty arrays without one.
@@ -121,6 +141,8 @@ impl<'a> CpuRelighter<'a> {
             },
             volume: VolumeLight::default(),
             gathers: 0,
+            scene: None,
+            light: Arc::default(),
             baked,
         };
         if let Some(volume) = relighter.baked.volume() {
@@ -133,6 +155,40 @@ impl<'a> CpuRelighter<'a> {
         }
         relighter.write_irradiance_map();
         Ok(relighter)
+    }
+
+    /// The scene that was baked, with its lightmap coordinates: for [`CpuRelighter::set_lighting`]. Takes a while: rays find out
+    /// which points of texels lie in the open. Nothing shines until a lighting is set.
+    ///
+    /// # Errors
+    /// [`RelightError::Scene`].
+    pub fn set_scene(&mut self, scene: &'a Scene) -> Result<(), RelightError> {
+        let caster = caster(scene)?;
+        let texels = scene_texels(&caster, self.baked.view());
+        self.scene = Some(Arc::new(OpenScene { caster, texels }));
+        self.set_lighting(&Lighting::default())
+    }
+
+    /// Lights, sky and materials, all at once, of the scene that was set; shadows are traced.
+    ///
+    /// # Errors
+    /// [`RelightError::NoScene`].
+    pub fn set_lighting(&mut self, lighting: &Lighting) -> Result<(), RelightError> {
+        let OpenScene { caster, texels } = &**self.scene.as_ref().ok_or(RelightError::NoScene)?;
+        self.light = Arc::new(SceneLight::traced(caster, texels, lighting, self.baked.view()));
+        Ok(())
+    }
+
+    /// One more gather in the lighting that was set, starting from the light of the last: one more bounce per frame.
+    ///
+    /// # Errors
+    /// [`RelightError::NoScene`], those of [`CpuRelighter::check`].
+    pub fn bounce(&mut self) -> Result<&Relit, RelightError> {
+        if self.scene.is_none() {
+            return Err(RelightError::NoScene);
+        }
+        let light = Arc::clone(&self.light);
+        self.step(&light.inputs(1))
     }
 
     /// Forgets all light, then does `inputs.bounces` gathers.

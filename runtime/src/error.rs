@@ -66,6 +66,12 @@ pub enum RelightError {
         /// The given cap.
         found: f32,
     },
+    /// No rays can be traced in a scene.
+    #[error("the scene cannot be lit: {reason}; remove stray far-away or microscopic geometry")]
+    Scene {
+        /// Why.
+        reason: String,
+    },
     /// Built-in direct light without surfaces.
     #[error("no scene is set; call `set_scene` before using its lights, or hand in direct light another way")]
     NoScene,

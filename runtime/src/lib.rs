@@ -12,6 +12,7 @@ mod occluder;
 pub mod passes;
 #[cfg(feature = "gpu")]
 mod relighter;
+pub mod scene_light;
 #[cfg(feature = "gpu")]
 mod shaders;
 mod sky;
@@ -41,6 +42,7 @@ pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 pub use passes::volume_fill::VolumeSampler;
 #[cfg(feature = "gpu")]
 pub use relighter::{DirectLight, MapPrecision, Relighter, RelighterOptions, VolumeTextures};
+pub use scene_light::SceneLight;
 #[cfg(feature = "gpu")]
 pub use shaders::HOST_WGSL;
 pub use sky::sky_sh;

@@ -21,11 +21,13 @@ use crate::passes::probe_relight::ProbeRelightPass;
 use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
 use crate::passes::shadow_map::ShadowCasters;
 use crate::passes::volume_fill::GpuVolume;
+use crate::scene_light::{caster, overrides_of, scene_texels};
+use crate::sky::sky_sh;
 use crate::surface::SceneTexels;
 use crate::transport_pages::{self, TransportPage};
 use glam::Vec3;
 use localprt_formats::{BakedView, MAX_LEVEL};
-use localprt_scenes::{Light, MaterialOverride};
+use localprt_scenes::{Light, Lighting, MaterialOverride, Scene};
 
 /// Relights one baked file with compute shaders. The CPU reference of every pass is [`crate::CpuRelighter`].
 ///
@@ -49,6 +51,8 @@ pub struct Relighter {
     gutter_dilation: GutterDilationPass,
     volume: Option<GpuVolume>,
     direct_pass: Option<DirectPass>,
+    /// Names of the scene's materials, where the scene is known.
+    materials: Vec<String>,
     lights: Vec<Light>,
     lights_changed: bool,
     timestamps: Option<Timestamps>,
@@ -68,6 +72,7 @@ struct Sizes {
     n_probes: usize,
     probe_degree: u32,
     n_sky: usize,
+    sky_degree: u32,
     n_rays: usize,
     n_k: usize,
     has_distances: bool,
@@ -113,6 +118,7 @@ impl Relighter {
             probes: storage(device, "probes", bytemuck::cast_slice(baked.view().probes)),
             direct_pass: None,
             lights: Vec::new(),
+            materials: Vec::new(),
             lights_changed: false,
             timestamps: Timestamps::new(device, queue),
             sizes: Sizes {
@@ -121,6 +127,7 @@ impl Relighter {
                 n_probes: baked.n_probes(),
                 probe_degree: metadata.probe_degree,
                 n_sky: metadata.n_sky(),
+                sky_degree: metadata.sky_degree,
                 n_rays: baked.n_rays(),
                 n_k: baked.n_k(),
                 n_light_map_rays: baked.view().ray_level.iter().filter(|level| **level <= MAX_LEVEL).count() as u64,
@@ -139,13 +146,40 @@ impl Relighter {
         })
     }
 
-    /// The scene for [`DirectLight::Lights`]: surfaces, and what casts shadows on them. Materials are the scene's own, and
-    /// there are no lights, until set.
+    /// The scene that was baked, with its lightmap coordinates, and the file: for [`Relighter::set_lighting`] and
+    /// [`DirectLight::Lights`]. Takes a while: rays find out which points of texels lie in the open.
+    ///
+    /// # Errors
+    /// [`RelightError::Scene`] and those of [`Relighter::set_texels`].
+    pub fn set_scene(&mut self, scene: &Scene, baked: &BakedView<'_>) -> Result<(), RelightError> {
+        let texels = scene_texels(&caster(scene)?, baked);
+        self.set_texels(&texels, &ShadowCasters::of_scene(scene))?;
+        self.materials = scene.materials.iter().map(|material| material.name.clone()).collect();
+        Ok(())
+    }
+
+    /// Lights, sky and materials, all at once, of the scene that was set.
+    ///
+    /// # Errors
+    /// [`RelightError::NoScene`], [`RelightError::NotFinite`].
+    pub fn set_lighting(&mut self, lighting: &Lighting) -> Result<(), RelightError> {
+        if self.direct_pass.is_none() {
+            return Err(RelightError::NoScene);
+        }
+        let overrides = overrides_of(self.materials.iter().map(String::as_str), lighting);
+        self.set_materials(&overrides, lighting.albedo_override)?;
+        self.set_sky(&sky_sh(&lighting.sky, self.sizes.sky_degree), &[])?;
+        self.set_lights(&lighting.lights);
+        Ok(())
+    }
+
+    /// Surfaces for [`DirectLight::Lights`], and what casts shadows on them. Materials are the scene's own, and there are no
+    /// lights, until set.
     ///
     /// # Errors
     /// Those of [`SceneTexels::check`] and [`ShadowCasters::check`]; [`RelightError::Limit`]. The scene before is then
     /// still there.
-    pub fn set_scene(&mut self, texels: &SceneTexels, casters: &ShadowCasters) -> Result<(), RelightError> {
+    pub fn set_texels(&mut self, texels: &SceneTexels, casters: &ShadowCasters) -> Result<(), RelightError> {
         texels.check(self.sizes.direct_size)?;
         if let Some(&material) = texels.material.iter().find(|material| **material > u32::from(u16::MAX)) {
             let allowed = u64::from(u16::MAX);
@@ -163,6 +197,7 @@ impl Relighter {
         };
         self.upload_surface(&surface, direct_pass.irradiance_buffer().clone());
         self.direct_pass = Some(direct_pass);
+        self.materials.clear();
         self.lights.clear();
         self.lights_changed = true;
         Ok(())
@@ -175,7 +210,7 @@ impl Relighter {
     }
 
     /// Triangles that cast shadows besides those of the scene and may be others every frame, such as moving objects; none
-    /// until set, and none after [`Relighter::set_scene`].
+    /// until set, and none after a scene is set.
     ///
     /// # Errors
     /// [`RelightError::NoScene`], those of [`ShadowCasters::check`], [`RelightError::Limit`].

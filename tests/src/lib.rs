@@ -5,12 +5,12 @@ use localprt_precompute::{
     pipeline::{self, BakeOutput},
     progress::Progress,
     rays::RayCaster,
-    relight,
     settings::{BakeSettings, Transport},
 };
 use localprt_runtime::{
-    CheckedBake, CpuRelighter, DirectLight, RelightInputs, Relighter, RelighterOptions, Relit, ShadowCasters,
-    gpu::headless, sky_sh,
+    CheckedBake, CpuRelighter, DirectLight, Relighter, RelighterOptions, Relit,
+    gpu::headless,
+    scene_light::{scene_texels, traced_irradiance},
 };
 use localprt_scenes::{Lighting, Scene, builtin};
 use std::path::PathBuf;
@@ -47,13 +47,12 @@ pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<
 
 /// What `look` finds in the light after `bounces` gathers.
 pub fn relit<T>(baked: &BakeOutput, lighting: &Lighting, bounces: u32, look: impl FnOnce(&CpuRelighter<'_>) -> T) -> T {
-    let caster = RayCaster::new(&baked.scene).expect("tree");
-    let view = baked.arrays.view();
-    let surface = relight::surface_texels(&caster, lighting, &view);
-    let sky = relight::sky_inputs(&lighting.sky, &view);
-    let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
-    let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
-    relighter.relight(&inputs).expect("inputs of the right size");
+    let mut relighter = CpuRelighter::new(baked.arrays.view()).expect("consistent arrays");
+    relighter.set_scene(&baked.scene).expect("tree");
+    relighter.set_lighting(lighting).expect("a scene is set");
+    for _ in 0..bounces {
+        relighter.bounce().expect("inputs of the right size");
+    }
     look(&relighter)
 }
 
@@ -76,17 +75,15 @@ pub fn irradiance_on_gpu(
     let scene = &baked.scene;
     let caster = RayCaster::new(scene).expect("tree");
     let view = baked.arrays.view();
-    let texels = relight::scene_texels(&caster, &view);
     let mut relighter = Relighter::new(&device, &queue, view, RelighterOptions::default()).expect("room on the device");
-    relighter.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene that fits");
-    let overrides = relight::material_overrides(scene, lighting);
-    relighter.set_materials(&overrides, lighting.albedo_override).expect("finite colors");
-    relighter.set_sky(&sky_sh(&lighting.sky, view.metadata.sky_degree), &[]).expect("a sky of the file's degree");
+    relighter.set_scene(scene, &view).expect("a scene that fits");
+    relighter.set_lighting(lighting).expect("a lighting of the scene");
     let direct = if shadow_maps {
-        relighter.set_lights(&lighting.lights);
         DirectLight::Lights
     } else {
-        relighter.set_direct(&relight::traced_irradiance(&caster, &texels, &lighting.lights)).expect("one per texel");
+        let texels = scene_texels(&caster, &view);
+        let direct = traced_irradiance(&caster, &texels, &lighting.lights);
+        relighter.set_direct(&direct).expect("one per texel");
         DirectLight::Irradiance
     };
     for _ in 0..bounces {

@@ -4,10 +4,9 @@ use glam::Vec3;
 use localprt_precompute::{
     pipeline::BakeOutput,
     rays::RayCaster,
-    relight,
     settings::{BakeSettings, Transport},
 };
-use localprt_runtime::{CpuRelighter, RelightInputs};
+use localprt_runtime::{CpuRelighter, RelightInputs, scene_light};
 use localprt_scenes::Lighting;
 use localprt_tests::{TRANSPORTS, bake, scene, small_settings};
 
@@ -28,7 +27,7 @@ enum TexelPoints {
 fn roughness(baked: &BakeOutput, points: TexelPoints) -> (f64, f64) {
     let caster = RayCaster::new(&baked.scene).expect("tree");
     let view = baked.arrays.view();
-    let mut texels = relight::scene_texels(&caster, &view);
+    let mut texels = scene_light::scene_texels(&caster, &view);
     if points == TexelPoints::One {
         texels.sample_end.clear();
         texels.samples.clear();
@@ -39,7 +38,7 @@ fn roughness(baked: &BakeOutput, points: TexelPoints) -> (f64, f64) {
     let frames: Vec<Vec<Vec3>> = (0..FRAMES)
         .map(|frame| {
             lighting.lights[0].position = start + Vec3::new(STEP_M * frame as f32, 0.0, 0.5 * STEP_M * frame as f32);
-            let direct = relight::traced_irradiance(&caster, &texels, &lighting.lights);
+            let direct = scene_light::traced_irradiance(&caster, &texels, &lighting.lights);
             let surface = texels.shaded(&[], None, direct);
             relighter
                 .relight(&RelightInputs { bounces: 2, ..RelightInputs::new(&surface) })

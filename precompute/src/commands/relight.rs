@@ -10,12 +10,10 @@ use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
 use localprt_precompute::picture::{self, Exposure, Picture, PictureSize, Surfaces};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::{RayCaster, SurfaceHit};
-use localprt_precompute::relight::{
-    direct_irradiance, material_overrides, scene_texels, sky_inputs, traced_irradiance,
-};
 use localprt_precompute::report::StageTime;
 use localprt_runtime::passes::direct_irradiance::direct_irradiance as shadow_mapped_irradiance;
-use localprt_runtime::{CpuRelighter, RelightError, RelightInputs, Relit, ShadowCasters};
+use localprt_runtime::scene_light::{direct_irradiance, scene_texels, traced_irradiance};
+use localprt_runtime::{CpuRelighter, RelightError, Relit, SceneLight, ShadowCasters};
 use localprt_scenes::Lighting;
 use serde::Serialize;
 use std::path::Path;
@@ -99,31 +97,26 @@ pub fn light(
     }
     let stage = progress.stage("direct light", 0);
     let scene = caster.scene();
-    let texels = scene_texels(caster, &view);
-    let overrides = material_overrides(scene, lighting);
-    let sky = sky_inputs(&lighting.sky, &view);
     #[cfg(feature = "gpu")]
     if let (Some(gpu), Direct::ShadowMap) = (&gpu, how.direct) {
         drop(stage);
-        let source =
-            Source::ShadowMaps { texels: &texels, casters: &ShadowCasters::of_scene(scene), lighting, overrides };
-        return relight_gpu::light(gpu, view, &source, &sky.sh, how.bounces, progress);
+        return relight_gpu::light(gpu, view, &Source::ShadowMaps { scene, lighting }, how.bounces, progress);
     }
+    let texels = scene_texels(caster, &view);
     let direct = match how.direct {
         Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
         Direct::ShadowMap => {
             shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
         }
     };
-    let surface = texels.shaded(&overrides, lighting.albedo_override, direct);
+    let light = SceneLight::new(scene, &texels, lighting, direct, &view);
     drop(stage);
     progress.check()?;
     #[cfg(feature = "gpu")]
     if let Some(gpu) = gpu {
-        return relight_gpu::light(&gpu, view, &Source::Surface(&surface), &sky.sh, how.bounces, progress);
+        return relight_gpu::light(&gpu, view, &Source::Light(&light), how.bounces, progress);
     }
-    let inputs =
-        RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces: how.bounces, ..RelightInputs::new(&surface) };
+    let inputs = light.inputs(how.bounces);
     let stage = progress.stage("bounces", how.bounces.into());
     let mut relighter = CpuRelighter::new(view).map_err(refused)?;
     for _ in 0..how.bounces {

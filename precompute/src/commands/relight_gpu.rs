@@ -1,15 +1,14 @@
 //! `relight --backend gpu`: the same gathers in compute shaders.
 
 use super::{SHADOW_MAP_SIZE, refused};
-use glam::Vec3;
 use localprt_formats::BakedView;
 use localprt_precompute::error::CommandError;
 use localprt_precompute::progress::Progress;
 use localprt_runtime::{
     CheckedBake, DirectLight, DirectOptions, MapPrecision, RelightError, Relighter, RelighterOptions, Relit,
-    SceneTexels, ShadowCasters, SurfaceTexels, gpu::headless,
+    SceneLight, gpu::headless,
 };
-use localprt_scenes::{Lighting, MaterialOverride};
+use localprt_scenes::{Lighting, Scene};
 
 /// A GPU and its queue.
 pub type Gpu = (wgpu::Device, wgpu::Queue);
@@ -17,14 +16,9 @@ pub type Gpu = (wgpu::Device, wgpu::Queue);
 /// Where direct light comes from.
 pub enum Source<'a> {
     /// Computed before, on the CPU.
-    Surface(&'a SurfaceTexels),
+    Light(&'a SceneLight),
     /// Shadow maps on the GPU.
-    ShadowMaps {
-        texels: &'a SceneTexels,
-        casters: &'a ShadowCasters,
-        lighting: &'a Lighting,
-        overrides: Vec<MaterialOverride>,
-    },
+    ShadowMaps { scene: &'a Scene, lighting: &'a Lighting },
 }
 
 /// The fastest adapter of this machine.
@@ -37,7 +31,6 @@ pub fn light(
     (device, queue): &Gpu,
     view: BakedView<'_>,
     source: &Source<'_>,
-    sky_sh: &[Vec3],
     bounces: u32,
     progress: &Progress,
 ) -> Result<Relit, CommandError> {
@@ -54,18 +47,17 @@ pub fn light(
     let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
     let mut relighter = Relighter::new(device, queue, view, options).map_err(refused)?;
     let direct = match source {
-        Source::Surface(surface) => {
-            relighter.set_surface(surface).map_err(refused)?;
+        Source::Light(light) => {
+            relighter.set_surface(&light.surface).map_err(refused)?;
+            relighter.set_sky(&light.sky.sh, &[]).map_err(refused)?;
             DirectLight::Irradiance
         }
-        Source::ShadowMaps { texels, casters, lighting, overrides } => {
-            relighter.set_scene(texels, casters).map_err(refused)?;
-            relighter.set_materials(overrides, lighting.albedo_override).map_err(refused)?;
-            relighter.set_lights(&lighting.lights);
+        Source::ShadowMaps { scene, lighting } => {
+            relighter.set_scene(scene, &view).map_err(refused)?;
+            relighter.set_lighting(lighting).map_err(refused)?;
             DirectLight::Lights
         }
     };
-    relighter.set_sky(sky_sh, &[]).map_err(refused)?;
     for scope in [invalid, out_of_memory] {
         if let Some(error) = pollster::block_on(scope.pop()) {
             return Err(refused(RelightError::Device { reason: error.to_string() }));

@@ -1,6 +1,6 @@
 //! What neither people nor light see of a scene: buried walls, undersides, the ground below a pavement.
 
-use super::{sides, unwrap::subdivision};
+use super::sides;
 use crate::{
     rays::{RayCaster, frame},
     scale::Seen,
@@ -8,6 +8,7 @@ use crate::{
 };
 use glam::Vec3;
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform, fibonacci_square};
+use localprt_surfaces::subdivision;
 use rayon::prelude::*;
 
 /// Rays from each place of a face, about one place a texel...

@@ -1,89 +1,34 @@
 //! From a scene to lightmap texels and receivers.
 //!
 //! [`sides`] gives each live side of double-sided surfaces a face of its own; [`cut`] cuts faces where charts have to end;
-//! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones; [`Atlas::of`] reads
-//! them; [`texels`] covers a map of any size with them; [`receivers`] turns covered texels into receivers; [`samples`]
-//! spreads points over texels.
+//! [`unwrap`] gives every face lightmap coordinates (TEXCOORD_1) unless the scene brings usable ones, which `localprt-surfaces` reads
+//! and covers maps with; [`receivers`] turns covered texels into receivers.
 
 mod chart_pyramid;
-mod charts;
 pub mod cut;
 mod gutters;
 pub mod hidden;
-mod pieces;
-mod raster;
 pub mod receivers;
-pub mod samples;
 mod seams;
-mod shared;
 pub mod sides;
 #[cfg(test)]
+#[path = "../../../scenes/surfaces/src/test_scenes.rs"]
 mod test_scenes;
 #[cfg(test)]
 mod tests;
-pub mod texels;
 pub mod unwrap;
 
 pub use chart_pyramid::{ChartPyramid, as_stored};
-pub use pieces::Pieces;
 
-use crate::rays::FacePoint;
-use glam::{Vec2, Vec3};
-use localprt_scenes::{FaceId, SurfacePoint};
+use glam::Vec3;
+use localprt_scenes::SurfacePoint;
+pub use localprt_surfaces::atlas::{Atlas, Pieces, Texel, TexelMap, samples, texels};
 
 /// Told about the work: what is being done, steps done, steps in all (0 if unknown). Returning `false` cancels.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) -> bool + Sync);
 
-/// TEXCOORD set of lightmap coordinates.
-const LIGHTMAP_SET: usize = 1;
-
 /// Marks texels without a receiver in maps from texel to receiver.
 const NO_RECEIVER: u32 = u32::MAX;
-
-/// A layout of a scene's surface: of the receiver map, or of the direct light map.
-#[derive(Clone, Debug, Default)]
-pub struct Atlas {
-    /// `[n_faces]` corner coordinates in 0..=1, in `FaceId` order; row 0 of a map is at v = 0.
-    pub corners: Vec<[Vec2; 3]>,
-    /// `[n_faces]` chart of each face: faces joined by edges that are joined in uv.
-    pub chart: Vec<u32>,
-    /// Number of charts.
-    pub n_charts: u32,
-}
-
-/// A texel of a map that a face covers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Texel {
-    /// `y * size + x`.
-    pub index: u32,
-    /// The face that covers the sample point (the texel centre, or the nearest covered point of the texel).
-    pub face: FaceId,
-    /// Its mesh.
-    pub mesh: u32,
-    /// Its triangle within the mesh.
-    pub triangle: u32,
-    /// Where on the face.
-    pub barycentrics: Vec3,
-    /// Chart of the face.
-    pub chart: u32,
-}
-
-impl Texel {
-    /// Its own point.
-    pub fn point(&self) -> FacePoint {
-        let Self { face, mesh, triangle, barycentrics, .. } = *self;
-        FacePoint { face, mesh: mesh as usize, triangle: triangle as usize, barycentrics }
-    }
-}
-
-/// All covered texels of a map, by rising index.
-#[derive(Clone, Debug, Default)]
-pub struct TexelMap {
-    /// Texels per side.
-    pub size: u32,
-    /// Covered texels.
-    pub texels: Vec<Texel>,
-}
 
 /// Receivers: surface points that get indirect light. Arrays of equal length.
 #[derive(Clone, Debug, Default)]

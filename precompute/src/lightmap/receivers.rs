@@ -4,12 +4,12 @@
 //! near geometry, where the sample is inside of something; else the texel is invalid. What it gets is a mean over points of the texel
 //! that stand in the open with it, its sites.
 
-use super::raster::Footprint;
 use super::{Atlas, Progress, ReceiverSet, Texel, TexelMap, gutters, samples::SampledMap, seams::Seams, texels};
 use crate::rays::{RayCaster, frame};
 use glam::{DVec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
 use localprt_scenes::{Scene, SurfacePoint};
+use localprt_surfaces::atlas::raster::Footprint;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 

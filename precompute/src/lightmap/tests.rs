@@ -7,6 +7,7 @@ use super::*;
 use crate::rays::RayCaster;
 use crate::scale::{LocalScale, Seen};
 use crate::settings::UnwrapBackend;
+use glam::Vec2;
 use localprt_scenes::{AlphaMode, Image, Mesh, Scene, Texture, TextureRef, Wrap};
 
 fn quiet(_: &str, _: usize, _: usize) -> bool {

@@ -310,7 +310,7 @@ mod tests {
         let texels: f64 = scene
             .faces()
             .map(|(mesh, triangle)| {
-                let of_parts = crate::lightmap::unwrap::subdivision(8).map(|[u, v, w]| {
+                let of_parts = localprt_surfaces::subdivision(8).map(|[u, v, w]| {
                     let place = scene.position(mesh, triangle, Vec3::new(u, v, w));
                     (unit_m * f64::from(measured.texel(measured.of_texels(place), 1.0))).powi(-2)
                 });

@@ -32,7 +32,6 @@ use super::{lit::Lit, subject::Subject};
 use crate::{
     progress::{Cancelled, Progress},
     rays::SurfaceHit,
-    relight::direct_irradiance,
     transport::{GatherRay, GatherSet, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
@@ -41,6 +40,7 @@ use localprt_formats::{
     weight::weight_kernel,
 };
 use localprt_runtime::DEFAULT_FEEDBACK_ALBEDO_CAP;
+use localprt_runtime::scene_light::direct_irradiance;
 use localprt_scenes::{Lighting, SurfaceShading};
 use rayon::prelude::*;
 use std::{collections::HashSet, f32::consts::PI};

@@ -4,15 +4,14 @@
 //! They differ by the last leg alone, from there to the receivers.
 
 use super::subject::Subject;
-use crate::{
-    error::BakeError,
-    progress::Progress,
-    relight::{SkyInputs, sky_inputs, surface_texels},
-};
+use crate::{error::BakeError, progress::Progress};
 use glam::{Vec2, Vec3};
 use localprt_formats::node_level_and_texel;
 use localprt_runtime::passes::probe_relight::probe_relight;
-use localprt_runtime::{CoverageMap, CpuRelighter, RelightError, RelightInputs, Relit};
+use localprt_runtime::{
+    CoverageMap, CpuRelighter, RelightError, Relit, SceneLight,
+    scene_light::{SkyInputs, scene_texels},
+};
 use localprt_scenes::Lighting;
 
 /// One lighting state after some gathers.
@@ -52,10 +51,9 @@ impl Lit {
 pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress: &Progress) -> Result<Lit, BakeError> {
     let view = subject.view;
     let stage = progress.stage("relight", bounces.into());
-    let surface = surface_texels(subject.caster, lighting, &view);
-    let sky = sky_inputs(&lighting.sky, &view);
+    let light = SceneLight::traced(subject.caster, &scene_texels(subject.caster, &view), lighting, &view);
     progress.check()?;
-    let inputs = RelightInputs { sky_sh: &sky.sh, sky_rays: &sky.rays, bounces, ..RelightInputs::new(&surface) };
+    let inputs = light.inputs(bounces);
     let mut relighter = CpuRelighter::new(view).map_err(refused)?;
     let mut previous = None;
     for gather in 0..bounces {
@@ -67,14 +65,14 @@ pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress:
         stage.inc(1);
     }
     let mut probe_radiance_with_sky = vec![Vec3::ZERO; relighter.probe_radiance().len()];
-    probe_relight(relighter.baked(), relighter.light_map(), &sky.rays, &[], &mut probe_radiance_with_sky);
+    probe_relight(relighter.baked(), relighter.light_map(), &light.sky.rays, &[], &mut probe_radiance_with_sky);
     Ok(Lit {
         relit: relighter.relit().clone(),
         probe_radiance: relighter.probe_radiance().to_vec(),
         probe_radiance_with_sky,
         light_map: relighter.light_map().to_vec(),
         previous,
-        sky,
+        sky: light.sky,
     })
 }
 

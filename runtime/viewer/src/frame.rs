@@ -16,9 +16,9 @@ use crate::views::ViewKind;
 use localprt_precompute::error::{CommandError, Exit};
 #[cfg(not(target_arch = "wasm32"))]
 use localprt_precompute::picture::Exposure;
-use localprt_precompute::relight::material_overrides;
 use localprt_runtime::gpu::Timestamps;
 use localprt_runtime::passes::shadow_map::shadow_views;
+use localprt_runtime::scene_light::material_overrides;
 use localprt_runtime::{
     DirectLight, DirectOptions, PassTime, RelightError, Relighter, RelighterOptions, ShadowCasters, sky_sh,
 };
@@ -81,7 +81,7 @@ impl Renderer {
         let direct = shadow_options(device, bake, lights)?;
         let options = RelighterOptions { direct, ..RelighterOptions::default() };
         let mut gi = Relighter::new(device, queue, bake.baked, options).map_err(refused)?;
-        gi.set_scene(&bake.texels, &bake.casters).map_err(refused)?;
+        gi.set_texels(&bake.texels, &bake.casters).map_err(refused)?;
         let draw = SceneDraw::new(device, queue, bake.scene(), &gi, DrawOptions::default())
             .map_err(|error| CommandError::of(Exit::Internal, &error))?;
         let renderer = Self {

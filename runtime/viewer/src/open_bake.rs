@@ -6,7 +6,7 @@ use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::rays::RayCaster;
 use localprt_precompute::reference_file::ReferenceFile;
-use localprt_precompute::relight::scene_texels;
+use localprt_runtime::scene_light::scene_texels;
 use localprt_runtime::{SceneTexels, ShadowCasters};
 use localprt_scenes::{Camera, Scene};
 use std::path::{Path, PathBuf};

@@ -114,7 +114,7 @@ fn pictures_of(
         material: vec![0],
         ..SceneTexels::default()
     };
-    gi.set_scene(&texels, &ShadowCasters::of_scene(scene)).expect("a scene");
+    gi.set_texels(&texels, &ShadowCasters::of_scene(scene)).expect("a scene");
     gi.set_moving_casters(&moving_casters(objects)).expect("casters");
     gi.set_lights(&[sun()]);
     let options = DrawOptions { normal_maps, ..DrawOptions::default() };

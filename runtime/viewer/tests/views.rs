@@ -97,7 +97,7 @@ impl Stage {
             material: vec![0],
             ..SceneTexels::default()
         };
-        relighter.set_scene(&texels, &ShadowCasters::of_scene(&scene)).expect("a scene");
+        relighter.set_texels(&texels, &ShadowCasters::of_scene(&scene)).expect("a scene");
         relighter.set_lights(&[sun()]);
         relighter.set_sky(&[INDIRECT], &[]).expect("a sky");
         let mut draw =

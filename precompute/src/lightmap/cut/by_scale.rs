@@ -2,9 +2,10 @@
 //! longest edges (Rivara 1984).
 
 use super::{EdgeKey, add_vertex, key};
-use crate::{lightmap::unwrap::subdivision, scale::LocalScale};
+use crate::scale::LocalScale;
 use glam::Vec3;
 use localprt_scenes::{Mesh, Scene};
+use localprt_surfaces::subdivision;
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 

@@ -1,8 +1,8 @@
 //! Which flattened faces form a chart: those that share edges, but never both sides of a wall.
 
 use super::Piece;
-use crate::lightmap::charts::Sets;
 use glam::{IVec3, Vec2, Vec3};
+use localprt_surfaces::Sets;
 use std::collections::HashMap;
 
 /// Bilinear taps of the two sides of a wall reach so many texels towards each other.

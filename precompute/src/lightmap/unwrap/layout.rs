@@ -11,12 +11,12 @@ use super::{
     uv_unwrap::{FlatChart, Packed, pack},
 };
 use crate::{
-    lightmap::{LIGHTMAP_SET, raster::Footprint},
     rays::RayCaster,
     scale::{RANGE, weighted_quantile},
 };
 use glam::{IVec3, Vec2};
 use localprt_scenes::Scene;
+use localprt_surfaces::atlas::{LIGHTMAP_SET, raster::Footprint};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

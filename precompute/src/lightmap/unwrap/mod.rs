@@ -16,15 +16,15 @@ pub mod xatlas;
 pub use authored::usable_layout;
 pub use error::UnwrapError;
 pub use islands::Wanted;
-pub(crate) use islands::subdivision;
 pub use layout::Charts;
 pub use uv_unwrap::UvUnwrap;
 pub use xatlas::{XatlasChild, xatlas_child_main};
 
-use super::{Progress, raster::Footprint};
+use super::Progress;
 use crate::settings::UnwrapBackend;
 use glam::Vec2;
 use localprt_scenes::Scene;
+use localprt_surfaces::atlas::raster::Footprint;
 
 /// Largest map, texels per side.
 pub const MAX_SIZE: u32 = 8192;

@@ -173,7 +173,7 @@ impl PathTracer<'_> {
         let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
         // All lights, so that a picture's direct light has no noise.
         let lights = &self.lighting.lights;
-        let direct = crate::relight::direct_irradiance(
+        let direct = localprt_runtime::scene_light::direct_irradiance(
             self.caster,
             lights,
             point.position,

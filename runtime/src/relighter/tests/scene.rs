@@ -129,7 +129,7 @@ fn lights_shine_through_shadow_maps_into_the_probes() {
     assert_eq!(gpu.encode(&mut encoder, &DirectLight::Lights), Err(RelightError::NoScene));
 
     let (texels, casters) = lit_floor();
-    gpu.set_scene(&texels, &casters).unwrap();
+    gpu.set_texels(&texels, &casters).unwrap();
     let sun = Light {
         name: String::new(),
         kind: localprt_scenes::LightKind::Directional,

@@ -1,7 +1,7 @@
 //! Texels that small parts share: which faces lie in one point of the map, and where samples of all of them stand.
 
-use super::{Atlas, Texel, unwrap::subdivision};
-use crate::rays::FacePoint;
+use super::{Atlas, Texel};
+use crate::{rays::FacePoint, subdivision};
 use glam::Vec3;
 use localprt_scenes::{FaceId, Scene};
 
@@ -77,9 +77,9 @@ impl SharedTexels {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{samples::SampledMap, test_scenes, texels};
+    use super::super::{samples::SampledMap, texels};
     use super::*;
-    use crate::rays::RayCaster;
+    use crate::{rays::RayCaster, test_scenes};
     use glam::Vec2;
     use localprt_scenes::Mesh;
 

@@ -1,16 +1,16 @@
-//! Scenes for the tests of this folder.
+//! Scenes for tests, of this crate and of layouts in `localprt-precompute`, which includes this file.
 
 use glam::{Vec2, Vec3};
 use localprt_scenes::{Material, Mesh, Scene};
 
 /// A scene of these meshes with one default material.
-pub(super) fn scene(meshes: Vec<Mesh>) -> Scene {
+pub(crate) fn scene(meshes: Vec<Mesh>) -> Scene {
     Scene { name: "test".into(), meshes, materials: vec![Material::default()], ..Scene::default() }
 }
 
 /// A parallelogram of `columns` x `rows` quads; its front is along `along.cross(up)` reversed: for `along` = X and
 /// `up` = Z it looks up (+Y).
-pub(super) fn plane(name: &str, corner: Vec3, along: Vec3, up: Vec3, columns: u32, rows: u32) -> Mesh {
+pub(crate) fn plane(name: &str, corner: Vec3, along: Vec3, up: Vec3, columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     let normal = up.cross(along).normalize();
     for row in 0..=rows {
@@ -32,7 +32,7 @@ pub(super) fn plane(name: &str, corner: Vec3, along: Vec3, up: Vec3, columns: u3
 }
 
 /// A closed box that looks outwards.
-pub(super) fn cuboid(name: &str, low: Vec3, high: Vec3) -> Mesh {
+pub(crate) fn cuboid(name: &str, low: Vec3, high: Vec3) -> Mesh {
     let d = high - low;
     let (x, y, z) = (Vec3::X * d.x, Vec3::Y * d.y, Vec3::Z * d.z);
     let sides = [
@@ -47,7 +47,7 @@ pub(super) fn cuboid(name: &str, low: Vec3, high: Vec3) -> Mesh {
 }
 
 /// The same surface seen from the other side.
-pub(super) fn inward(mut mesh: Mesh) -> Mesh {
+pub(crate) fn inward(mut mesh: Mesh) -> Mesh {
     for triangle in &mut mesh.triangles {
         triangle.swap(1, 2);
     }
@@ -58,7 +58,7 @@ pub(super) fn inward(mut mesh: Mesh) -> Mesh {
 }
 
 /// A sphere with smooth normals.
-pub(super) fn sphere(name: &str, center: Vec3, radius: f32, rings: u32) -> Mesh {
+pub(crate) fn sphere(name: &str, center: Vec3, radius: f32, rings: u32) -> Mesh {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     let segments = 2 * rings;
     for ring in 0..=rings {
@@ -88,7 +88,7 @@ pub(super) fn sphere(name: &str, center: Vec3, radius: f32, rings: u32) -> Mesh 
 }
 
 /// One mesh of several.
-pub(super) fn merged(name: &str, parts: &[Mesh]) -> Mesh {
+pub(crate) fn merged(name: &str, parts: &[Mesh]) -> Mesh {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     for part in parts {
         let first = mesh.positions.len() as u32;
@@ -100,13 +100,13 @@ pub(super) fn merged(name: &str, parts: &[Mesh]) -> Mesh {
 }
 
 /// Sets TEXCOORD_1 of every vertex.
-pub(super) fn with_uv(mut mesh: Mesh, uv: impl Fn(Vec3) -> Vec2) -> Mesh {
+pub(crate) fn with_uv(mut mesh: Mesh, uv: impl Fn(Vec3) -> Vec2) -> Mesh {
     mesh.uv_sets = vec![Vec::new(), mesh.positions.iter().map(|&position| uv(position)).collect()];
     mesh
 }
 
 /// An L-shaped floor of 3 x 1 m and 1 x 3 m arms, and a box of 2 m on it in a room of 6 m that looks inwards.
-pub(super) fn room() -> Scene {
+pub(crate) fn room() -> Scene {
     let floor = merged(
         "floor",
         &[

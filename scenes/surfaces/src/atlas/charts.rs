@@ -1,7 +1,7 @@
 //! Charts: faces joined by edges that are joined in uv.
 
 use super::{Atlas, LIGHTMAP_SET};
-use crate::rays::FacePoint;
+use crate::{Sets, rays::FacePoint};
 use glam::{Vec2, Vec3};
 use localprt_scenes::Scene;
 use std::collections::HashMap;
@@ -123,39 +123,10 @@ fn corner_key(position: Vec3, uv: Vec2) -> CornerKey {
     [position.x, position.y, position.z, uv.x, uv.y].map(|value| (value + 0.0).to_bits())
 }
 
-/// Disjoint sets of faces, named by their lowest member.
-pub(super) struct Sets {
-    parent: Vec<u32>,
-}
-
-impl Sets {
-    /// Every face on its own.
-    pub(super) fn new(count: usize) -> Self {
-        Self { parent: (0..count as u32).collect() }
-    }
-
-    /// Lowest face of a face's set.
-    pub(super) fn lowest(&mut self, face: u32) -> u32 {
-        let mut face = face;
-        while self.parent[face as usize] != face {
-            // Halving the path keeps later walks short.
-            self.parent[face as usize] = self.parent[self.parent[face as usize] as usize];
-            face = self.parent[face as usize];
-        }
-        face
-    }
-
-    /// Makes one set of two.
-    pub(super) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.lowest(a), self.lowest(b));
-        self.parent[a.max(b) as usize] = a.min(b);
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::{plane, scene};
     use super::*;
+    use crate::test_scenes::{plane, scene};
 
     #[test]
     fn faces_joined_in_uv_are_one_chart_and_others_are_not() {

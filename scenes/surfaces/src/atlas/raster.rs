@@ -9,7 +9,7 @@ const SHALLOW: f64 = 5e-4;
 
 /// A triangle in texel units of a map: texel (x, y) is the square from (x, y) to (x + 1, y + 1).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Footprint {
+pub struct Footprint {
     corners: [DVec2; 3],
     /// Twice the signed area.
     double_area: f64,
@@ -17,25 +17,25 @@ pub(super) struct Footprint {
 
 impl Footprint {
     /// `None` for a triangle without area.
-    pub(super) fn new(uv: [Vec2; 3], size: u32) -> Option<Self> {
+    pub fn new(uv: [Vec2; 3], size: u32) -> Option<Self> {
         let corners = uv.map(|uv| uv.as_dvec2() * f64::from(size));
         let double_area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
         (double_area.is_finite() && double_area != 0.0).then_some(Self { corners, double_area })
     }
 
     /// Area in texels.
-    pub(super) fn area(&self) -> f64 {
+    pub fn area(&self) -> f64 {
         self.double_area.abs() * 0.5
     }
 
     /// Rows that it touches, cut to `0..size`.
-    pub(super) fn rows(&self, size: u32) -> Range<u32> {
+    pub fn rows(&self, size: u32) -> Range<u32> {
         let [a, b, c] = self.corners.map(|corner| corner.y);
         span(a.min(b).min(c), a.max(b).max(c), size)
     }
 
     /// Texels `x` of row `y` that it touches, cut to `0..size`.
-    pub(super) fn columns(&self, y: u32, size: u32) -> Range<u32> {
+    pub fn columns(&self, y: u32, size: u32) -> Range<u32> {
         let (low, high) = (f64::from(y) + SHALLOW, f64::from(y + 1) - SHALLOW);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut take = |x: f64| {
@@ -57,7 +57,7 @@ impl Footprint {
     }
 
     /// Weights of the corners at a point, unbounded outside of the triangle.
-    pub(super) fn barycentrics(&self, point: DVec2) -> DVec3 {
+    pub fn barycentrics(&self, point: DVec2) -> DVec3 {
         let [a, b, c] = self.corners;
         let u = (b - point).perp_dot(c - point) / self.double_area;
         let v = (c - point).perp_dot(a - point) / self.double_area;
@@ -65,7 +65,7 @@ impl Footprint {
     }
 
     /// Signed distance, in texels, from a point to the nearest edge line; positive inside.
-    pub(super) fn depth(&self, point: DVec2) -> f64 {
+    pub fn depth(&self, point: DVec2) -> f64 {
         (0..3).fold(f64::INFINITY, |least, corner| {
             let (a, b) = (self.corners[corner], self.corners[(corner + 1) % 3]);
             let edge = b - a;
@@ -78,14 +78,14 @@ impl Footprint {
     }
 
     /// Whether it holds a point, edges included.
-    pub(super) fn contains(&self, point: DVec2) -> bool {
+    pub fn contains(&self, point: DVec2) -> bool {
         self.barycentrics(point).min_element() >= 0.0
     }
 
     /// Distance from the centre of a texel to the nearest point of the triangle within the texel, and a sample point: the middle of
     /// what the texel holds of the triangle, for which it stands. On a strip narrower than a texel that is its middle, not one of
     /// its borders. `None` if the texel holds nothing of it.
-    pub(super) fn sample_in(&self, x: u32, y: u32) -> Option<(f64, DVec2)> {
+    pub fn sample_in(&self, x: u32, y: u32) -> Option<(f64, DVec2)> {
         let low = DVec2::new(f64::from(x), f64::from(y));
         let held = Polygon::of(self.corners).clipped(low, low + 1.0);
         let points = held.points();

@@ -154,7 +154,7 @@ pub(super) fn for_each_touch(
 }
 
 /// Corner weights of a point of the face: not negative, summing to 1 although the point is rounded.
-pub(super) fn weights(footprint: &Footprint, point: DVec2) -> Vec3 {
+pub fn weights(footprint: &Footprint, point: DVec2) -> Vec3 {
     let weights = footprint.barycentrics(point).max(DVec3::ZERO);
     (weights / weights.element_sum()).as_vec3()
 }

@@ -1,8 +1,8 @@
 //! Which texels of the light map's levels are one piece of surface: all that they cover is joined along the surface, so that no
 //! wall stands between two parts of it.
 
-use super::{TexelMap, charts::Sets};
-use crate::rays::RayCaster;
+use super::TexelMap;
+use crate::{Sets, rays::RayCaster};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -81,9 +81,8 @@ impl Pieces {
         Self { is_one }
     }
 
-    /// All of a map is one piece.
-    #[cfg(test)]
-    pub(crate) fn whole(size: u32) -> Self {
+    /// All of a map of `size` texels per side is one piece, whatever stands on it.
+    pub fn whole(size: u32) -> Self {
         let texels = |level: u32| 1 << (2 * (size.ilog2() - level));
         Self { is_one: (0..=size.ilog2()).map(|level| vec![true; texels(level)]).collect() }
     }
@@ -95,7 +94,7 @@ impl Pieces {
 }
 
 /// Straight above the surface, or over a point higher above the middle, where the surface bends.
-pub(super) fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
+pub fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
     let (from, to) = lifted(caster, a, b);
     if caster.visible(from, to) {
         return true;
@@ -106,22 +105,22 @@ pub(super) fn see_each_other(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, 
 }
 
 /// Straight above the surface only: between points of one plane.
-pub(super) fn see_straight(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
+pub fn see_straight(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> bool {
     let (from, to) = lifted(caster, a, b);
     caster.visible(from, to)
 }
 
 /// Where two points of a surface, given with their normals, look for each other from.
-pub(super) fn lifted(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> (Vec3, Vec3) {
+pub fn lifted(caster: &RayCaster<'_>, a: (Vec3, Vec3), b: (Vec3, Vec3)) -> (Vec3, Vec3) {
     let lift = (LIFT * a.0.distance(b.0)).max(caster.offset_m());
     (a.0 + lift * a.1, b.0 + lift * b.1)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::{plane, scene};
     use super::super::{Atlas, texels};
     use super::*;
+    use crate::test_scenes::{plane, scene};
     use glam::Vec2;
     use localprt_scenes::{Mesh, Scene};
 

@@ -1,9 +1,13 @@
-//! One lighting state of a baked file on the CPU: what shines, as the runtime's twins want it.
+//! What a scene gives to relighters: the texels of its direct light map, which stay, and what shines in a lighting.
 //!
-//! Direct light is traced from the texels of the direct light map; the rest is `localprt_runtime`'s CPU relighter.
+//! Direct light is traced from those texels here; [`crate::passes::direct_irradiance`] does it by shadow maps.
 
-use crate::{
-    lightmap::{
+use crate::{RelightError, RelightInputs, SceneTexels, SurfacePoint, SurfaceTexels, TexelSample, sky_sh};
+use glam::Vec3;
+use localprt_formats::{BakedView, quantize::pack_uv};
+use localprt_scenes::{Light, Lighting, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
+use localprt_surfaces::{
+    atlas::{
         Atlas,
         samples::{SAMPLES, SampledMap},
         texels,
@@ -11,19 +15,48 @@ use crate::{
     },
     rays::{FacePoint, RayCaster},
 };
-use glam::Vec3;
-use localprt_formats::{BakedView, quantize::pack_uv};
-use localprt_runtime::{SceneTexels, SurfacePoint, SurfaceTexels, TexelSample, sky_sh};
-use localprt_scenes::{Light, Lighting, Material, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use rayon::prelude::*;
 
-/// Albedo, emission and traced direct irradiance of every covered texel of the direct light map.
+/// What shines in a scene: the same for every gather of a lighting.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneLight {
+    /// Albedo, emission and direct irradiance of the texels of the direct light map.
+    pub surface: SurfaceTexels,
+    /// The sky.
+    pub sky: SkyInputs,
+}
+
+impl SceneLight {
+    /// Of a scene in a lighting, with `direct` irradiance of every texel, W m^-2.
+    pub fn new(
+        scene: &Scene,
+        texels: &SceneTexels,
+        lighting: &Lighting,
+        direct: Vec<Vec3>,
+        baked: &BakedView<'_>,
+    ) -> Self {
+        let surface = texels.shaded(&material_overrides(scene, lighting), lighting.albedo_override, direct);
+        Self { surface, sky: sky_inputs(&lighting.sky, baked) }
+    }
+
+    /// The same with direct light traced: a shadow ray per sample of a texel and light that reaches it.
+    pub fn traced(caster: &RayCaster<'_>, texels: &SceneTexels, lighting: &Lighting, baked: &BakedView<'_>) -> Self {
+        let direct = traced_irradiance(caster, texels, &lighting.lights);
+        Self::new(caster.scene(), texels, lighting, direct, baked)
+    }
+
+    /// For so many gathers.
+    pub fn inputs(&self, bounces: u32) -> RelightInputs<'_> {
+        RelightInputs { sky_sh: &self.sky.sh, sky_rays: &self.sky.rays, bounces, ..RelightInputs::new(&self.surface) }
+    }
+}
+
+/// Rays against a scene.
 ///
-/// One shadow ray per sample of a texel and light that reaches it.
-pub fn surface_texels(caster: &RayCaster<'_>, lighting: &Lighting, baked: &BakedView<'_>) -> SurfaceTexels {
-    let texels = scene_texels(caster, baked);
-    let direct = traced_irradiance(caster, &texels, &lighting.lights);
-    texels.shaded(&material_overrides(caster.scene(), lighting), lighting.albedo_override, direct)
+/// # Errors
+/// [`RelightError::Scene`].
+pub(crate) fn caster(scene: &Scene) -> Result<RayCaster<'_>, RelightError> {
+    RayCaster::new(scene).map_err(|error| RelightError::Scene { reason: error.to_string() })
 }
 
 /// What stays the same while lights and materials change: the texels that the bake's relight rays were made for, with
@@ -105,8 +138,12 @@ pub fn traced_irradiance(caster: &RayCaster<'_>, texels: &SceneTexels, lights: &
 
 /// The lighting's overrides, by material index instead of name.
 pub fn material_overrides(scene: &Scene, lighting: &Lighting) -> Vec<MaterialOverride> {
-    let of_material = |material: &Material| lighting.materials.get(&material.name).copied().unwrap_or_default();
-    scene.materials.iter().map(of_material).collect()
+    overrides_of(scene.materials.iter().map(|material| material.name.as_str()), lighting)
+}
+
+/// The same of materials of these names.
+pub(crate) fn overrides_of<'a>(names: impl Iterator<Item = &'a str>, lighting: &Lighting) -> Vec<MaterialOverride> {
+    names.map(|name| lighting.materials.get(name).copied().unwrap_or_default()).collect()
 }
 
 /// Irradiance straight from punctual lights at a surface point, W m^-2, with traced shadows.
@@ -165,7 +202,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
     use localprt_formats::{BakedArrays, Metadata};
-    use localprt_scenes::{LightKind, Mesh};
+    use localprt_scenes::{LightKind, Material, Mesh};
 
     const SIZE: u32 = 16;
     const TEXEL_M: f32 = 0.25;
@@ -206,7 +243,8 @@ mod tests {
         };
         let caster = RayCaster::new(&scene).expect("tree");
         let lighting = Lighting { lights: vec![sun], ..Lighting::default() };
-        let surface = surface_texels(&caster, &lighting, &baked.view());
+        let view = baked.view();
+        let surface = SceneLight::traced(&caster, &scene_texels(&caster, &view), &lighting, &view).surface;
         assert_eq!(surface.index, (0..SIZE * SIZE).collect::<Vec<u32>>());
         let row = SIZE / 2 * SIZE;
         surface.direct[row as usize..][..SIZE as usize].iter().map(|direct| direct.x).collect()

@@ -2,14 +2,14 @@
 
 /// Probabilities in proportion to weights, as running sums.
 #[derive(Default)]
-pub(crate) struct Distribution {
+pub struct Distribution {
     /// Ending at 1; empty where there is nothing to choose.
     rising: Vec<f64>,
 }
 
 impl Distribution {
     /// Weights that are not above 0 are never chosen. Nothing can be chosen where all are like that.
-    pub(crate) fn of(weights: impl Iterator<Item = f64>) -> Self {
+    pub fn of(weights: impl Iterator<Item = f64>) -> Self {
         let mut total = 0.0;
         let mut rising: Vec<f64> = weights
             .map(|weight| {
@@ -26,17 +26,17 @@ impl Distribution {
     }
 
     /// True where nothing can be chosen.
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.rising.is_empty()
     }
 
     /// The choice that a number in `[0, 1)` stands for. Not to be asked of an empty one.
-    pub(crate) fn choose(&self, uniform: f64) -> usize {
+    pub fn choose(&self, uniform: f64) -> usize {
         self.rising.partition_point(|&end| end <= uniform).min(self.rising.len() - 1)
     }
 
     /// Probability of a choice; 0 in an empty one.
-    pub(crate) fn probability(&self, index: usize) -> f64 {
+    pub fn probability(&self, index: usize) -> f64 {
         match self.rising.get(index) {
             Some(end) => end - if index > 0 { self.rising[index - 1] } else { 0.0 },
             None => 0.0,

@@ -1,6 +1,6 @@
 //! Emissive triangles, to be sampled by area and brightness.
 
-pub(crate) mod distribution;
+pub mod distribution;
 
 use crate::rays::{RayCaster, SurfaceHit};
 use distribution::Distribution;
@@ -10,10 +10,10 @@ use localprt_scenes::{FaceId, Scene, SurfaceShading};
 /// Points of a triangle, per edge, at which a textured emission is looked up to weigh the triangle.
 const LOOKUPS: u32 = 4;
 /// A joining ray has to end this near to the sampled point, times the ray offset.
-pub(crate) const SAME_POINT: f32 = 4.0;
+pub const SAME_POINT: f32 = 4.0;
 
 /// All emissive triangles under one lighting state.
-pub(crate) struct Emitters {
+pub struct Emitters {
     triangles: Vec<Emitter>,
     /// Of the triangles.
     choice: Distribution,
@@ -30,7 +30,7 @@ struct Emitter {
 
 impl Emitters {
     /// Triangles are drawn in proportion to area times emission, its brightest band.
-    pub(crate) fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
+    pub fn of(scene: &Scene, shading: &SurfaceShading<'_>) -> Self {
         let mut emitters = Self { triangles: Vec::new(), choice: Distribution::default(), density: Vec::new() };
         if !shading.any_emission() {
             return emitters;
@@ -55,12 +55,13 @@ impl Emitters {
         emitters
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// True where nothing emits.
+    pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
     /// A point of an emissive triangle.
-    pub(crate) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
+    pub fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
         let index = self.choice.choose(which);
         let [a, b, c] = self.triangles[index].corners;
         // Uniform over the triangle (Turk 1990).
@@ -71,7 +72,7 @@ impl Emitters {
 
     /// What a ray towards a sample meets, and the density per steradian of samples there; `None` where something else is
     /// in the way, or the face does not emit towards `origin`. Traces one ray.
-    pub(crate) fn meet(
+    pub fn meet(
         &self,
         caster: &RayCaster<'_>,
         origin: Vec3,
@@ -94,7 +95,7 @@ impl Emitters {
     }
 
     /// Density, per steradian, with which [`Emitters::sample`] would have led from the ray's origin to its hit.
-    pub(crate) fn density(&self, hit: &SurfaceHit, dir: Vec3) -> f32 {
+    pub fn density(&self, hit: &SurfaceHit, dir: Vec3) -> f32 {
         let Some(point) = hit.point else { return 0.0 };
         let by_area = self.density.get(point.face.0 as usize).copied().unwrap_or(0.0);
         let cosine = hit.normal.dot(dir).abs();

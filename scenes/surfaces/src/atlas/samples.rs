@@ -224,9 +224,9 @@ impl Sampler<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::{cuboid, plane, scene, with_uv};
     use super::super::texels::{self, ReceiverMap};
     use super::*;
+    use crate::test_scenes::{cuboid, plane, scene, with_uv};
     use glam::Vec2;
     use localprt_scenes::Mesh;
 
