@@ -1,5 +1,5 @@
 //! Errors of the transport rows of a baked file before compression, by the paper, fitted without near light and as they are,
-//! and of the file, under any number of lightings: the tables of `docs/fitted-transport.md`.
+//! and of the file, under any number of lightings: the tables of `docs/fitted-transport-trials.md`.
 //!
 //! Usage: `cargo run --release --example transport_error -- FILE.lprt RECEIVERS BOUNCES [LIGHTS.json ..]`, `-` for the scene's
 //! own lights. With `REFERENCES=folder` the path-traced references are kept there and found again, for any file that was
