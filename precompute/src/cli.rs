@@ -5,8 +5,8 @@ mod bake_flags;
 pub use bake_flags::{BakeFlags, PresetName};
 
 use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use localprt_precompute::arguments::{parse_exposure, parse_size};
 use localprt_precompute::settings::BakeSettings;
+use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
 const EXAMPLE: &str = "\

@@ -19,31 +19,22 @@
 
 use localprt_surfaces::emitters;
 pub use localprt_surfaces::rays;
+pub use localprt_tools::{inputs, metrics, output, picture, progress, reference_file};
 
-pub mod arguments;
 pub mod budget;
 pub mod clusters;
 pub mod compress;
 pub mod error;
 pub mod figures;
-pub mod inputs;
 pub mod lightmap;
-pub mod metrics;
 mod morton;
-pub mod output;
-pub mod picture;
 pub mod pipeline;
 pub mod probes;
-pub mod program;
-pub mod progress;
-pub mod reference_file;
 pub mod relight_rays;
 pub mod report;
 pub mod scale;
 pub mod settings;
 pub mod transport;
-// Path tracing for minutes, and a picture metric in C++.
-#[cfg(not(target_arch = "wasm32"))]
 pub mod validate;
 pub mod volume;
 pub mod voxels;

@@ -5,7 +5,7 @@ mod commands;
 
 use localprt_precompute::error::Exit;
 use localprt_precompute::lightmap::unwrap::xatlas::{CHILD_ARGUMENT, xatlas_child_main};
-use localprt_precompute::program::finish;
+use localprt_tools::program::finish;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -3,6 +3,8 @@
 //! `precompute bake --report` writes it as JSON; a copy without anything that changes from run to run lies in the baked
 //! file.
 
+pub use localprt_tools::progress::StageTime;
+
 use crate::settings::BakeSettings;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -168,15 +170,6 @@ pub struct Bytes {
     pub file: u64,
     /// Near light: tiles, nodes, links and weights.
     pub near_light: u64,
-}
-
-/// Wall time of a stage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StageTime {
-    /// Name as shown.
-    pub name: String,
-    /// Wall time.
-    pub seconds: f64,
 }
 
 /// How the scene got its lightmap coordinates.
@@ -371,11 +364,6 @@ pub fn median(values: impl IntoIterator<Item = f32>) -> f32 {
     let mut sorted: Vec<f32> = values.into_iter().collect();
     sorted.sort_unstable_by(f32::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or_default()
-}
-
-/// Bytes as lower-case hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

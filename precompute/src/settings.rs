@@ -9,7 +9,7 @@ mod ranges;
 
 pub use layers::{FILL_IS_GONE, FLAG_LAYER, SettingsError};
 pub use preset::Preset;
-pub use ranges::OutOfRange;
+pub use ranges::{MAX_PROBES, OutOfRange};
 
 use serde::{Deserialize, Serialize};
 

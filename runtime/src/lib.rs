@@ -17,6 +17,7 @@ pub mod scene_light;
 mod shaders;
 mod sky;
 pub mod surface;
+mod surface_texels;
 mod texel_sample;
 #[cfg(feature = "gpu")]
 mod transport_pages;
@@ -37,7 +38,6 @@ pub use localprt_scenes::SurfacePoint;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 #[cfg(feature = "gpu")]
 pub use passes::direct_irradiance::{DIRECT_LIGHT_WGSL, DirectOptions};
-pub use passes::direct_lightmap::SurfaceTexels;
 pub use passes::shadow_map::{AlphaImage, AlphaMask, CasterMasks, ShadowCasters};
 pub use passes::volume_fill::VolumeSampler;
 #[cfg(feature = "gpu")]
@@ -47,4 +47,5 @@ pub use scene_light::SceneLight;
 pub use shaders::HOST_WGSL;
 pub use sky::sky_sh;
 pub use surface::SceneTexels;
+pub use surface_texels::SurfaceTexels;
 pub use texel_sample::TexelSample;

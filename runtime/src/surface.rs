@@ -1,7 +1,7 @@
 //! The surfaces behind the texels of the direct light map: what stays while lights and materials change.
 
 use crate::error::RelightError;
-use crate::passes::direct_lightmap::{SurfaceTexels, check_index, check_places, check_values};
+use crate::surface_texels::{SurfaceTexels, check_index, check_places, check_values};
 use crate::texel_sample::TexelSample;
 use glam::Vec3;
 use localprt_scenes::{MaterialOverride, SurfacePoint};

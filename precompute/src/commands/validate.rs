@@ -146,7 +146,7 @@ impl Job<'_> {
         progress.note(&format!("wrote {}", self.output.join("index.html").display()));
         if let Some(state) = findings.states.first() {
             let bounces = self.settings.bounces;
-            self.leave(&ReferenceFile::of(baked.content_hash(), &view, &findings.sample, state, bounces), progress);
+            self.leave(&state.reference_file(baked.content_hash(), &view, &findings.sample, bounces), progress);
         }
         self.gate(&findings.states)?;
         self.view_gates().iter().try_for_each(|gate| self.gate_views(gate, &findings.states))

@@ -1,5 +1,7 @@
 //! Axes: round ends, ticks and their numbers, on a linear or a logarithmic scale.
 
+use localprt_tools::range::round_up;
+
 /// One axis of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axis {
@@ -97,17 +99,6 @@ impl Axis {
     }
 }
 
-/// The next number of the form 1, 2 or 5 times a power of ten that is not smaller; `value` is positive.
-pub(super) fn round_up(value: f64) -> f64 {
-    let power = 10.0_f64.powf(value.log10().floor());
-    // Narrower than any step, wider than the rounding of an f32: 0.2 stays 0.2.
-    let slack = 1.0 + 1e-6;
-    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| value <= factor * power * slack).unwrap_or(10.0);
-    let rounded = factor * power;
-    // Through decimal digits, since a negative power of ten is seldom exact.
-    format!("{rounded:.0e}").parse().unwrap_or(rounded)
-}
-
 /// A number with as many decimals as tell it from its neighbors `step` away.
 pub(super) fn number(value: f64, step: f64) -> String {
     let size = value.abs();
@@ -155,8 +146,6 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_exact() {
-        assert_eq!([0.2, 0.21, 1.0, 7.3].map(round_up), [0.2, 0.5, 1.0, 10.0]);
-        assert_eq!(round_up(f64::from(0.02_f32)), 0.02);
         let axis = Axis { low: 0.0, high: 0.5, log: false };
         assert_eq!(
             axis.ticks(5).iter().map(|&tick| axis.label(tick)).collect::<Vec<_>>(),

@@ -5,11 +5,9 @@ use super::axis::Axis;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
-#[cfg(not(target_arch = "wasm32"))]
 use plotters::style::register_font;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
-#[cfg(not(target_arch = "wasm32"))]
 use std::sync::Once;
 
 /// Background of figures. The page replaces this color, [`INK`], [`MUTED`] and [`GRID`] in SVG by those of its scheme.
@@ -110,21 +108,7 @@ pub(super) fn fitted(text: &str, size: i32, width: i32) -> String {
     String::new()
 }
 
-/// The sequential color map.
-pub(super) fn viridis(t: f32) -> [u8; 3] {
-    let RGBColor(r, g, b) = ViridisRGB.get_color(t);
-    [r, g, b]
-}
-
-/// A color between evenly spaced ones.
-pub(super) fn blend(colors: &[[u8; 3]], t: f32) -> [u8; 3] {
-    let RGBColor(r, g, b) =
-        DerivedColorMap::new(&colors.iter().map(|&color| rgb(color)).collect::<Vec<_>>()).get_color(t);
-    [r, g, b]
-}
-
 /// Registers the typeface of all figures, once: the library finds no fonts of the system.
-#[cfg(not(target_arch = "wasm32"))]
 fn register() {
     static FONT: Once = Once::new();
     FONT.call_once(|| {
@@ -132,10 +116,6 @@ fn register() {
         assert!(registered.is_ok(), "the bundled font is a font");
     });
 }
-
-/// In browsers the library takes no fonts but the page's.
-#[cfg(target_arch = "wasm32")]
-fn register() {}
 
 /// Drawing into memory with a registered font has nothing that can fail.
 fn in_memory<T, E: std::fmt::Debug>(result: Result<T, E>) -> T {

@@ -1,6 +1,6 @@
 //! Heat maps: one color per number, with the title above and the printed scale below.
 
-use super::axis::{Axis, number, round_up};
+use super::axis::{Axis, number};
 use super::canvas::{self, Align, Canvas, INK, MUTED, PAPER};
 use super::{Ramp, Rgb8Image};
 
@@ -144,30 +144,6 @@ pub fn draw_labels(width: u32, height: u32, colors: &[[u8; 3]], title: &str, not
     image
 }
 
-/// The range from 0 to a percentile (0..=100) of the finite values, rounded up to 1, 2 or 5 times a power of ten; 0 to 1
-/// if that is not positive.
-pub fn nice_range(values: &[f32], percentile: f32) -> [f32; 2] {
-    [0.0, nice_top(values.iter().copied(), percentile)]
-}
-
-/// As [`nice_range`] of the magnitudes, to both sides of 0.
-pub fn nice_signed_range(values: &[f32], percentile: f32) -> [f32; 2] {
-    let top = nice_top(values.iter().map(|value| value.abs()), percentile);
-    [-top, top]
-}
-
-fn nice_top(values: impl Iterator<Item = f32>, percentile: f32) -> f32 {
-    let mut finite: Vec<f32> = values.filter(|value| value.is_finite()).collect();
-    if finite.is_empty() {
-        return 1.0;
-    }
-    let rank = (percentile.clamp(0.0, 100.0) / 100.0 * (finite.len() - 1) as f32).ceil() as usize;
-    let at = rank.min(finite.len() - 1);
-    let (_, &mut value, _) = finite.select_nth_unstable_by(at, f32::total_cmp);
-    // Smaller values cannot be told from zero by the eye that reads the number.
-    if value > 1e-30 { (round_up(value.into()) as f32).min(f32::MAX) } else { 1.0 }
-}
-
 /// Where a map lies in its picture.
 struct Frame {
     map: [u32; 2],
@@ -304,17 +280,6 @@ mod tests {
         assert!(image.height > bare.height + 40);
         let below = &image.pixels[3 * (bare.height * image.width) as usize..];
         assert!(below.iter().any(|&value| value < 150), "text is dark");
-    }
-
-    #[test]
-    fn ranges_end_at_round_numbers() {
-        let values: Vec<f32> = (0..=1000).map(|value| value as f32 / 1000.0).chain([f32::NAN, f32::INFINITY]).collect();
-        assert_eq!(nice_range(&values, 99.0), [0.0, 1.0]);
-        assert_eq!(nice_range(&values, 15.0), [0.0, 0.2]);
-        assert_eq!(nice_range(&[0.02; 3], 100.0), [0.0, 0.02]);
-        assert_eq!(nice_range(&[], 99.0), [0.0, 1.0]);
-        assert_eq!(nice_range(&[0.0, -3.0], 99.0), [0.0, 1.0]);
-        assert_eq!(nice_signed_range(&[0.1, -3.0], 100.0), [-5.0, 5.0]);
     }
 
     #[test]

@@ -11,13 +11,15 @@ mod chart;
 mod heat_map;
 mod page;
 mod page_blocks;
-mod ramp;
 
 pub use bars::BarChart;
 pub use chart::{Chart, Series};
-pub use heat_map::{HeatMap, draw_labels, nice_range, nice_signed_range};
+pub use heat_map::{HeatMap, draw_labels};
+pub use localprt_tools::{
+    ramp::Ramp,
+    range::{nice_range, nice_signed_range},
+};
 pub use page::{Block, NamedImage, Number, Page, Section, Verdict};
-pub use ramp::Ramp;
 
 /// A picture of 8-bit sRGB pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,10 +4,11 @@ use crate::{
     clusters::Cluster,
     lightmap::{LayoutReport, ReceiverSet},
     probes::{PlacementReport, ProbeSet, Support},
-    report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen, hex},
+    report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen},
     settings::BakeSettings,
 };
 use localprt_scenes::Scene;
+use localprt_tools::hex;
 
 pub(super) fn scene_facts(scene: &Scene) -> SceneFacts {
     SceneFacts {

@@ -28,9 +28,7 @@ use glam::Vec3;
 use point_grid::PointGrid;
 use rayon::prelude::*;
 
-/// Most probes of a bake. A probe costs 8000 relight rays, so this is far above what a scene can use; it stops a
-/// spacing in the wrong unit.
-pub const MAX_PROBES: u32 = 1 << 18;
+pub use crate::settings::MAX_PROBES;
 
 /// Voxels from a surface to its probes, at most: bounds the work of finding them.
 const MOST_LAYERS: f32 = 64.0;

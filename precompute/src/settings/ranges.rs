@@ -2,6 +2,10 @@
 
 use super::BakeSettings;
 
+/// Most probes of a bake. A probe costs 8000 relight rays, so this is far above what a scene can use; it stops a
+/// spacing in the wrong unit.
+pub const MAX_PROBES: u32 = 1 << 18;
+
 /// An option whose value is not allowed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key} = {value} is out of range; allowed: {allowed}")]
@@ -22,7 +26,7 @@ impl BakeSettings {
     pub fn check(&self) -> Result<(), OutOfRange> {
         let length = "a finite length above 0 m";
         positive("spacing", self.spacing, length)?;
-        whole("probes", self.probes.map_or(1, u64::from), 1, crate::probes::MAX_PROBES.into())?;
+        whole("probes", self.probes.map_or(1, u64::from), 1, MAX_PROBES.into())?;
         positive("voxel", self.voxel, length)?;
         for point in &self.interior {
             if !point.iter().all(|value| value.is_finite()) {

@@ -16,8 +16,10 @@ use super::{
     surface_pixels::{SurfacePixel, SurfacePixels},
 };
 use crate::metrics::{MethodError, mean};
+use crate::reference_file::{ReferenceFile, ReferencePoint};
 use crate::{error::BakeError, picture::Exposure, progress::Progress};
 use glam::Vec3;
+use localprt_formats::BakedView;
 use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
 use localprt_scenes::{Camera, Lighting, luminance};
 use serde::Serialize;
@@ -359,6 +361,25 @@ fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
 }
 
 impl StateFindings {
+    /// What was found at the receivers `sample`, in file order, as it is kept beside the baked file.
+    pub fn reference_file(
+        &self,
+        content_hash: [u8; 32],
+        view: &BakedView<'_>,
+        sample: &[u32],
+        bounces: u32,
+    ) -> ReferenceFile {
+        let values = self.reference.irradiance.iter().zip(self.compressed(sample));
+        let point = |(&receiver, (reference, compressed)): (&u32, (&Vec3, Vec3))| ReferencePoint {
+            receiver,
+            position: view.receiver_position[receiver as usize],
+            reference: reference.to_array(),
+            compressed: compressed.to_array(),
+        };
+        let points = sample.iter().zip(values).map(point).collect();
+        ReferenceFile { content_hash, state: self.state.name.clone(), bounces, points }
+    }
+
     /// Compressed irradiance at the measured receivers.
     pub fn compressed(&self, sample: &[u32]) -> Vec<Vec3> {
         sample.iter().map(|&receiver| self.lit.relit.irradiance[receiver as usize]).collect()

@@ -103,7 +103,7 @@ impl SurfacePixels {
                 edge_texels: edge_m(subject.caster, &hit, SMOOTH_TEXELS * texel_m) / texel_m,
                 radius_m: radius_m(subject, seen.uv),
                 found: luminance(engine_read(map, seen.uv)),
-                halves: light.indirect.map(|half| luminance(half)),
+                halves: light.indirect.map(luminance),
             })
         };
         Self::new(picture.rays.par_iter().enumerate().filter_map(pixel).collect())

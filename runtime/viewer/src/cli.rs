@@ -3,7 +3,7 @@
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
 use clap::{Parser, ValueEnum};
-use localprt_precompute::arguments::{parse_exposure, parse_size};
+use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
 /// Shows a baked scene relit in real time.

@@ -3,7 +3,7 @@
 use crate::target::OffscreenTarget;
 use glam::Vec3;
 use half::f16;
-use localprt_precompute::picture::Exposure;
+use localprt_tools::picture::Exposure;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 

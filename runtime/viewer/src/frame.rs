@@ -13,9 +13,6 @@ use crate::state::{Bounces, Look, ViewState};
 use crate::target::OffscreenTarget;
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
-use localprt_precompute::error::{CommandError, Exit};
-#[cfg(not(target_arch = "wasm32"))]
-use localprt_precompute::picture::Exposure;
 use localprt_runtime::gpu::Timestamps;
 use localprt_runtime::passes::shadow_map::shadow_views;
 use localprt_runtime::scene_light::material_overrides;
@@ -23,6 +20,9 @@ use localprt_runtime::{
     DirectLight, DirectOptions, PassTime, RelightError, Relighter, RelighterOptions, ShadowCasters, sky_sh,
 };
 use localprt_scenes::{Light, Lighting, MaterialOverride, Sky};
+use localprt_tools::error::{CommandError, Exit};
+#[cfg(not(target_arch = "wasm32"))]
+use localprt_tools::picture::Exposure;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

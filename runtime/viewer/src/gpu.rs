@@ -1,6 +1,6 @@
 //! The device that draws, with or without a window, and what becomes of it.
 
-use localprt_precompute::error::{CommandError, Exit};
+use localprt_tools::error::{CommandError, Exit};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 

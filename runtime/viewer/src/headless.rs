@@ -9,9 +9,9 @@ use crate::receiver_maps::Legend;
 use crate::scene_overlays::overlay_lines;
 use crate::stage::Stage;
 use crate::state::ViewState;
-use localprt_precompute::error::CommandError;
-use localprt_precompute::output::{OutputError, check_writable, write_png};
-use localprt_precompute::picture::PictureSize;
+use localprt_tools::error::CommandError;
+use localprt_tools::output::{OutputError, check_writable, write_png};
+use localprt_tools::picture::PictureSize;
 use std::path::Path;
 use web_time::Instant;
 

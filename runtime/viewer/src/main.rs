@@ -1,8 +1,8 @@
 //! The `viewer` command: flags in, a window or pictures out.
 
 use clap::Parser;
-use localprt_precompute::error::Exit;
-use localprt_precompute::program::finish;
+use localprt_tools::error::Exit;
+use localprt_tools::program::finish;
 use localprt_viewer::cli::Cli;
 use std::process::ExitCode;
 

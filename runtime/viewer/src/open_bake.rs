@@ -2,13 +2,13 @@
 
 use glam::Vec3;
 use localprt_formats::{Baked, BakedView};
-use localprt_precompute::error::{CommandError, Exit};
-use localprt_precompute::inputs;
-use localprt_precompute::rays::RayCaster;
-use localprt_precompute::reference_file::ReferenceFile;
 use localprt_runtime::scene_light::scene_texels;
 use localprt_runtime::{SceneTexels, ShadowCasters};
 use localprt_scenes::{Camera, Scene};
+use localprt_surfaces::rays::RayCaster;
+use localprt_tools::error::{CommandError, Exit};
+use localprt_tools::inputs;
+use localprt_tools::reference_file::ReferenceFile;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

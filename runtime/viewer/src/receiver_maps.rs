@@ -5,9 +5,9 @@
 
 use crate::views::ViewKind;
 use localprt_formats::BakedView;
-use localprt_precompute::figures::{Ramp, nice_range};
-use localprt_precompute::metrics::percentile;
-use localprt_precompute::reference_file::ReferenceFile;
+use localprt_tools::metrics::percentile;
+use localprt_tools::reference_file::ReferenceFile;
+use localprt_tools::{ramp::Ramp, range::nice_range};
 
 mod clusters;
 mod error;

@@ -8,10 +8,10 @@ use crate::headless::{Headless, picture_size};
 use crate::open_bake::{Files, OpenBake};
 use crate::state::{Ball, Bounces, Door, LitObject, SceneLight, ViewState, new_light, torch};
 use crate::window::{self, WindowOptions};
-use localprt_precompute::error::{CommandError, Exit};
-use localprt_precompute::inputs;
 use localprt_runtime::MAX_OCCLUDERS;
 use localprt_scenes::LightKind;
+use localprt_tools::error::{CommandError, Exit};
+use localprt_tools::inputs;
 use web_time::Instant;
 
 /// Does what a command line says.

@@ -3,7 +3,7 @@
 //! The CPU twins of `tone_map.wgsl`.
 
 use glam::{Mat3, Vec3, vec3};
-use localprt_precompute::picture::tone_curve;
+use localprt_tools::picture::tone_curve;
 
 /// A tone curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

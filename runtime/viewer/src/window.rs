@@ -9,11 +9,11 @@ use crate::panel::{Figures, History};
 use crate::scene_overlays::overlay_lines;
 use crate::stage::Stage;
 use crate::state::ViewState;
-use localprt_precompute::error::{CommandError, Exit};
-#[cfg(not(target_arch = "wasm32"))]
-use localprt_precompute::output::{write_file, write_png};
 #[cfg(not(target_arch = "wasm32"))]
 use localprt_scenes::Sky;
+use localprt_tools::error::{CommandError, Exit};
+#[cfg(not(target_arch = "wasm32"))]
+use localprt_tools::output::{write_file, write_png};
 use screen::Screen;
 #[cfg(not(target_arch = "wasm32"))]
 use std::path::Path;

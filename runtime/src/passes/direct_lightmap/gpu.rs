@@ -1,8 +1,9 @@
 //! GPU side of the direct light map: surface facts in pages, the material table, and the kernel over them.
 
-use super::{SurfaceTexels, lightmap_uv};
+use super::SurfaceTexels;
 use crate::gpu::{Groups, Kernel, page_bytes, storage, uniform, zeros};
 use crate::shaders;
+use crate::surface_texels::lightmap_uv;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use localprt_scenes::lighting::MaterialOverride;

@@ -1,7 +1,8 @@
 //! CPU twin of the direct light map.
 
-use super::{SurfaceTexels, lightmap_uv};
+use super::SurfaceTexels;
 use crate::coverage_map::CoverageMap;
+use crate::surface_texels::lightmap_uv;
 use glam::{Vec3, Vec4};
 use localprt_formats::quantize::unpack_uv;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! Triangles that cast shadows, and the alpha masks that make holes in them.
 
 use crate::error::RelightError;
-use crate::passes::direct_lightmap::check_values;
+use crate::surface_texels::check_values;
 use glam::{Vec2, Vec3};
 use localprt_scenes::{AlphaMode, Mesh, Scene, TextureRef, Wrap};
 use std::collections::BTreeMap;

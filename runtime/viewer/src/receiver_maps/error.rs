@@ -3,9 +3,9 @@
 use super::{Legend, ReceiverMap, percentages, ramp_map};
 use glam::Vec3;
 use localprt_formats::BakedView;
-use localprt_precompute::figures::nice_range;
-use localprt_precompute::metrics::relative_errors;
-use localprt_precompute::reference_file::ReferenceFile;
+use localprt_tools::metrics::relative_errors;
+use localprt_tools::range::nice_range;
+use localprt_tools::reference_file::ReferenceFile;
 use rayon::prelude::*;
 
 /// How far a measured receiver speaks for others outside its cluster, in distances that measured receivers would have if
@@ -15,7 +15,7 @@ const REACH: f32 = 4.0;
 const FACING: f32 = 0.5;
 
 pub(super) fn map(baked: &BakedView<'_>, reference: &ReferenceFile) -> ReceiverMap {
-    let colors = |values: fn(&localprt_precompute::reference_file::ReferencePoint) -> [f32; 3]| {
+    let colors = |values: fn(&localprt_tools::reference_file::ReferencePoint) -> [f32; 3]| {
         reference.points.iter().map(|point| Vec3::from(values(point))).collect::<Vec<_>>()
     };
     let errors = relative_errors(&colors(|point| point.compressed), &colors(|point| point.reference));

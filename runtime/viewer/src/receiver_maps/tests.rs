@@ -1,6 +1,6 @@
 use super::*;
 use localprt_formats::{BakedArrays, ClusterRecord, Metadata};
-use localprt_precompute::reference_file::ReferencePoint;
+use localprt_tools::reference_file::ReferencePoint;
 
 const GREY: [u8; 4] = [128, 128, 128, 255];
 const NOTHING: [u8; 4] = [0; 4];

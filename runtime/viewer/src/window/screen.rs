@@ -3,7 +3,7 @@
 use crate::blit::{Blit, PixelRect};
 use crate::gpu::Gpu;
 use crate::target::OffscreenTarget;
-use localprt_precompute::error::{CommandError, Exit};
+use localprt_tools::error::{CommandError, Exit};
 use std::sync::Arc;
 use web_time::Instant;
 use winit::event::WindowEvent;

@@ -8,7 +8,7 @@ pub use exr::{ExrPrecision, write_exr};
 pub use ply::{ReceiverVertex, write_ply};
 pub use png::write_png;
 
-use crate::error::reason;
+use crate::error::{CommandError, Exit, reason};
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -88,6 +88,12 @@ impl OutputError {
             .into(),
             Self::Encode { .. } => "choose a smaller size".into(),
         }
+    }
+}
+
+impl From<OutputError> for CommandError {
+    fn from(error: OutputError) -> Self {
+        Self::of(Exit::Io, &error).in_file(error.path()).help(error.help())
     }
 }
 

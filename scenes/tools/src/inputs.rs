@@ -2,12 +2,12 @@
 //!
 //! A path that cannot be read is exit code 6; content that is wrong is 3; content that is right but not supported is 5.
 
-use crate::error::{BakeError, CommandError, Exit};
+use crate::error::{CommandError, Exit};
+use crate::hex;
 use crate::picture::default_camera;
-use crate::rays::RayCaster;
-use crate::report::hex;
 use localprt_formats::{Baked, Metadata, OpenError};
 use localprt_scenes::{Camera, Lighting, LightingError, LoadErrorKind, Scene, builtin};
+use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
 
@@ -112,12 +112,8 @@ pub fn camera(caster: &RayCaster<'_>, number: Option<usize>) -> Result<Camera, C
     match (number, cameras.first()) {
         (None, Some(first)) => Ok(first.clone()),
         (None, None) => default_camera(caster).ok_or_else(|| {
-            BakeError::Scene {
-                what: "there is nothing to take a picture of: the scene has no triangles".into(),
-                place: None,
-                remedy: "bake a scene that has some".into(),
-            }
-            .into()
+            let what = "there is nothing to take a picture of: the scene has no triangles";
+            CommandError::new(Exit::InvalidInput, what).help("bake a scene that has some")
         }),
         (Some(number), _) => cameras.get(number).cloned().ok_or_else(|| {
             let help = match cameras.len() {

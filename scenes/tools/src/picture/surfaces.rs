@@ -1,8 +1,8 @@
 //! Outgoing radiance of surfaces: albedo, direct and indirect light, emission.
 
-use crate::rays::SurfaceHit;
 use glam::{Vec2, Vec3};
 use localprt_scenes::{Lighting, Scene, SurfaceShading};
+use localprt_surfaces::rays::SurfaceHit;
 use std::f32::consts::PI;
 
 /// Surfaces of a scene as one lighting state has them.
@@ -47,9 +47,9 @@ impl<'a> Surfaces<'a> {
 mod tests {
     use super::*;
     use crate::picture::tests::floor;
-    use crate::rays::RayCaster;
     use glam::Vec4;
     use localprt_scenes::MaterialOverride;
+    use localprt_surfaces::rays::RayCaster;
 
     fn close(value: Vec3, expected: Vec3) {
         // A handful of f32 roundings of values up to 4.

@@ -1,8 +1,8 @@
 //! A camera for scenes without one.
 
-use crate::rays::RayCaster;
 use glam::{Mat4, Vec3, camera::rh::view::look_at_mat4};
 use localprt_scenes::Camera;
+use localprt_surfaces::rays::RayCaster;
 
 /// Vertical field of view, radians: that of a 28 mm lens on 36 x 24 mm, as for interiors.
 const FOV_Y: f32 = 0.81;

@@ -1,6 +1,9 @@
 //! Color ramps: from a number in 0..=1 to a color.
 
-use super::canvas;
+use plotters::style::{
+    RGBColor,
+    colors::colormaps::{ColorMap, DerivedColorMap, ViridisRGB},
+};
 
 /// A color ramp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,10 +24,13 @@ impl Ramp {
             return [128; 3];
         }
         let t = t.clamp(0.0, 1.0);
-        match self {
-            Self::Sequential => canvas::viridis(t),
-            Self::Diverging => canvas::blend(&DIVERGING, t),
-        }
+        let RGBColor(red, green, blue) = match self {
+            Self::Sequential => ViridisRGB.get_color(t),
+            Self::Diverging => {
+                DerivedColorMap::new(&DIVERGING.map(|[red, green, blue]| RGBColor(red, green, blue))).get_color(t)
+            }
+        };
+        [red, green, blue]
     }
 }
 

@@ -12,9 +12,9 @@ pub use surfaces::Surfaces;
 pub use tone::{Exposure, WHITE, tone_curve};
 
 use crate::progress::{Cancelled, Progress};
-use crate::rays::{RayCaster, SurfaceHit};
 use glam::{Vec3, Vec4Swizzles};
 use localprt_scenes::Camera;
+use localprt_surfaces::rays::{RayCaster, SurfaceHit};
 use rayon::prelude::*;
 
 /// Size and smoothness of a picture.
@@ -89,7 +89,7 @@ pub fn render(
 }
 
 /// Unit world direction through a point of the picture: u to the right, v down, both 0..=1.
-pub(crate) fn camera_dir(camera: &Camera, u: f32, v: f32, aspect: f32) -> Vec3 {
+pub fn camera_dir(camera: &Camera, u: f32, v: f32, aspect: f32) -> Vec3 {
     let half = (camera.fov_y * 0.5).tan();
     let local = Vec3::new((2.0 * u - 1.0) * half * aspect, (1.0 - 2.0 * v) * half, -1.0);
     camera.to_world.transform_vector3(local).normalize_or(Vec3::NEG_Z)

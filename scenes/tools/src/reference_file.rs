@@ -1,16 +1,14 @@
 //! What a validation leaves beside a baked file: irradiance by path tracing and by the file, at the measured receivers.
 //!
-//! In: what [`validate`](crate::validate) measured under its first lighting state. Out: `hall.reference.ply` beside
+//! In: what `precompute validate` measured under its first lighting state. Out: `hall.reference.ply` beside
 //! `hall.lprt`, a point cloud that programs for points open, and that a viewer shows as a map of the error. Its header
 //! names the baked file by content hash, so that a file which has been baked again is not shown with old errors.
 //!
 //! World space, metres; irradiance in W m^-2, linear RGB.
 
 use crate::error::{CommandError, Exit, reason};
+use crate::hex;
 use crate::output::{OutputError, write_file};
-use crate::report::hex;
-#[cfg(not(target_arch = "wasm32"))]
-use crate::validate::StateFindings;
 use localprt_formats::Baked;
 use std::fs::File;
 use std::io::{self, Read};
@@ -99,30 +97,6 @@ fn damaged(what: impl Into<String>) -> ReferenceError {
 }
 
 impl ReferenceFile {
-    /// What was found under one state at the receivers `sample`, in file order.
-    #[cfg(not(target_arch = "wasm32"))]
-    pub fn of(
-        content_hash: [u8; 32],
-        view: &localprt_formats::BakedView<'_>,
-        sample: &[u32],
-        state: &StateFindings,
-        bounces: u32,
-    ) -> Self {
-        let values = state.reference.irradiance.iter().zip(state.compressed(sample));
-        let point = |(&receiver, (reference, compressed)): (&u32, (&glam::Vec3, glam::Vec3))| ReferencePoint {
-            receiver,
-            position: view.receiver_position[receiver as usize],
-            reference: reference.to_array(),
-            compressed: compressed.to_array(),
-        };
-        Self {
-            content_hash,
-            state: state.state.name.clone(),
-            bounces,
-            points: sample.iter().zip(values).map(point).collect(),
-        }
-    }
-
     /// Where the reference of a baked file lies: `hall.reference.ply` for `hall.lprt`.
     pub fn path_beside(baked: &Path) -> PathBuf {
         if baked.extension().is_some_and(|extension| extension == "lprt") {

@@ -4,8 +4,8 @@
 //! lines otherwise, on standard error. What was done, how long it took and what was warned of is kept for the report.
 //! Libraries take `&Progress` too; [`Progress::silent`] shows nothing.
 
-use crate::report::StageTime;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
 use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -27,6 +27,15 @@ pub enum Verbosity {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted; nothing was written")]
 pub struct Cancelled;
+
+/// Wall time of a stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Name as shown.
+    pub name: String,
+    /// Wall time.
+    pub seconds: f64,
+}
 
 /// Shows stages, counts work, and knows whether to stop.
 pub struct Progress {
