@@ -9,7 +9,7 @@
 //! | [`last_leg`] | compressed, uncompressed, the comparators of figure 8, and the steps between truth and result |
 //! | [`seen`], [`viewpoints`] | the lightmap as an engine reads it, at points that a camera sees and at points by area |
 //! | [`surface_pixels`], [`edges`], [`mottling`] | what a view shows beside edges, and blotches on smooth surfaces |
-//! | [`metrics`], [`flip`] | errors, each beside its formula |
+//! | [`metrics`](crate::metrics), [`flip`] | errors, each beside its formula |
 //! | [`parts`] | what the error is made of, and why the worst receivers are wrong |
 //! | [`steps`] | steps across chart seams and cluster borders |
 //! | [`operator_norm`] | reconstruction error without lighting, Eq. (12) |
