@@ -172,10 +172,12 @@ impl<'a> CpuRelighter<'a> {
     /// Lights, sky and materials, all at once, of the scene that was set; shadows are traced.
     ///
     /// # Errors
-    /// [`RelightError::NoScene`].
+    /// [`RelightError::NoScene`], and those of [`CpuRelighter::check`]; the lighting before is then still there.
     pub fn set_lighting(&mut self, lighting: &Lighting) -> Result<(), RelightError> {
         let OpenScene { caster, texels } = &**self.scene.as_ref().ok_or(RelightError::NoScene)?;
-        self.light = Arc::new(SceneLight::traced(caster, texels, lighting, self.baked.view()));
+        let light = SceneLight::traced(caster, texels, lighting, self.baked.view());
+        self.check(&light.inputs(1))?;
+        self.light = Arc::new(light);
         Ok(())
     }
 

@@ -147,15 +147,17 @@ impl Relighter {
     }
 
     /// The scene that was baked, with its lightmap coordinates, and the file: for [`Relighter::set_lighting`] and
-    /// [`DirectLight::Lights`]. Takes a while: rays find out which points of texels lie in the open.
+    /// [`DirectLight::Lights`]. Takes a while: rays find out which points of texels lie in the open. Nothing shines until a lighting
+    /// is set.
     ///
     /// # Errors
-    /// [`RelightError::Scene`] and those of [`Relighter::set_texels`].
+    /// [`RelightError::Scene`], [`RelightError::Bake`], and those of [`Relighter::set_texels`].
     pub fn set_scene(&mut self, scene: &Scene, baked: &BakedView<'_>) -> Result<(), RelightError> {
+        CheckedBake::new(*baked)?;
         let texels = scene_texels(&caster(scene)?, baked);
         self.set_texels(&texels, &ShadowCasters::of_scene(scene))?;
         self.materials = scene.materials.iter().map(|material| material.name.clone()).collect();
-        Ok(())
+        self.set_lighting(&Lighting::default())
     }
 
     /// Lights, sky and materials, all at once, of the scene that was set.

@@ -29,7 +29,7 @@ impl BakeOutput {
     /// the bake kept those of `source`, the file that the scene was read from. Each file appears whole or not at all.
     ///
     /// # Errors
-    /// [`BakeError::Output`] where a file cannot be written, [`BakeError::Limit`] where the scene is too large for a .glb file,
+    /// [`BakeError::Option`] for one file of two names, [`BakeError::Output`] where a file cannot be written, [`BakeError::Limit`] where the scene is too large for a .glb file,
     /// [`BakeError::Internal`] for arrays that the format refuses.
     pub fn write(
         mut self,
@@ -38,6 +38,12 @@ impl BakeOutput {
         source: Option<&Path>,
         progress: &Progress,
     ) -> Result<Written, BakeError> {
+        if output == scene {
+            return Err(BakeError::Option {
+                what: format!("{} would be the baked file and its scene", output.display()),
+                remedy: "give the scene another name".into(),
+            });
+        }
         let stage = progress.stage("write", 0);
         let kept = source.filter(|_| !self.unwrapped);
         let hash = match kept {
@@ -68,6 +74,11 @@ fn not_exported(path: &Path, error: ExportError) -> BakeError {
             needed: format!("{bytes} bytes"),
             allowed: format!("{limit}"),
             remedy: "split the scene".into(),
+        },
+        ExportError::Image { image, cause, .. } => BakeError::Scene {
+            what: format!("image {image:?} cannot be encoded: {cause}"),
+            place: None,
+            remedy: "give it a size that matches its pixels".into(),
         },
         error => BakeError::Internal { what: error.to_string() },
     }

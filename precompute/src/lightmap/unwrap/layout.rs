@@ -241,8 +241,9 @@ impl Charts {
                 dealt.of.push(Holder::Island(index));
                 continue;
             }
-            // Cells come in sizes of powers of two, so that neighbors agree.
-            let octave = (JOINED_TEXELS * (least_texels / LEAST_TEXELS).sqrt() as f32 * texel_m).log2().ceil() as i32;
+            // Cells come in sizes of powers of two, so that neighbors agree. Hidden parts are many, and see few others.
+            let of_cell_m = if island.is_hidden { texel_m / RANGE } else { texel_m };
+            let octave = (JOINED_TEXELS * (least_texels / LEAST_TEXELS).sqrt() as f32 * of_cell_m).log2().ceil() as i32;
             let cell: IVec3 = (island.middle / 2.0f32.powi(octave)).floor().as_ivec3();
             let axis = island.normal.abs().max_position();
             let facing = 2 * axis + usize::from(island.normal[axis] > 0.0);
@@ -299,6 +300,9 @@ impl Charts {
                 }
                 Holder::Joined(members) => {
                     let Some(uv) = chart.first().copied().flatten() else { continue };
+                    // Off the borders of the texel: what is stored is rounded.
+                    let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
+                    let uv = uv.map(|corner| corner.lerp(middle, 0.1));
                     for &index in members {
                         let island = &self.islands[index];
                         for &face in &island.faces {

@@ -15,7 +15,7 @@ const AREA_DISTORTION: f32 = 2.0;
 /// Zooms at which a page is packed at once, how far apart, and how often before it is given up.
 const STEPS: i32 = 4;
 const STEP: f32 = 1.06;
-const MOST_ROUNDS: u32 = 10;
+const MOST_ROUNDS: u32 = 4;
 
 /// The uvunwrap crate: pure Rust, the same layout on any number of threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -104,11 +104,17 @@ pub(super) fn pack(
             let least = charts.len() as u64 * u64::from(1 + 2 * PADDING).pow(2);
             let zoomed = |zoom| match at(Density::Fixed { texels_per_unit: zoom, page_size: Some(page) }) {
                 Ok(atlas) => Ok((atlas.page_count <= 1).then_some(atlas)),
-                Err(Error::ChartTooLarge { .. }) => Ok(None),
+                Err(Error::ChartTooLarge { .. } | Error::AtlasTooLarge { .. }) => Ok(None),
                 Err(error) => Err(failure(error)),
             };
-            let fits = if least > u64::from(page).pow(2) { None } else { largest(zoomed)? };
-            fits.ok_or_else(|| too_many(charts.len() as u32, page))?
+            if least > u64::from(page).pow(2) {
+                return Err(too_many(charts.len() as u32, page));
+            }
+            match largest(zoomed)? {
+                Some(atlas) => atlas,
+                // Far from what was estimated, as for a map of one long chart.
+                None => at(Density::Auto { page_size: page }).map_err(failure)?,
+            }
         }
         Some(page_size) => at(Density::Auto { page_size }).map_err(failure)?,
     };
@@ -131,8 +137,9 @@ fn largest<T: Send>(at: impl Fn(f32) -> Result<Option<T>, UnwrapError> + Sync) -
         match (best_of(&zooms)?, &best) {
             (Some(found), _) => {
                 let is_last = found.0 == zooms[STEPS as usize - 1];
+                let was_too_large = first < -STEPS / 2;
                 best = Some(found);
-                if !is_last {
+                if !is_last || was_too_large {
                     break;
                 }
                 first += STEPS;

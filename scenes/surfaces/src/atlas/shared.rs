@@ -12,6 +12,8 @@ const PARTS: usize = 4;
 pub(super) struct SharedTexels {
     /// By rising texel, then face.
     faces: Vec<SharedFace>,
+    /// Texels per side.
+    size: u32,
 }
 
 struct SharedFace {
@@ -33,11 +35,11 @@ impl SharedTexels {
             }
         }
         faces.sort_by_key(|shared| (shared.texel, shared.face));
-        Self { faces }
+        Self { faces, size }
     }
 
     /// Points spread by area over the texel's own face and those that share the texel with it, in two rounds of `count`; none where
-    /// there are no others.
+    /// there are no others, and where the own face is more than a part of the texel: needles are one point of a large face's chart.
     pub(super) fn points(&self, scene: &Scene, atlas: &Atlas, texel: &Texel, count: usize) -> Vec<FacePoint> {
         let first = self.faces.partition_point(|shared| shared.texel < texel.index);
         let of_texel = self.faces[first..].iter().take_while(|shared| shared.texel == texel.index);
@@ -45,7 +47,9 @@ impl SharedTexels {
             .filter(|shared| atlas.chart[shared.face as usize] == texel.chart)
             .map(|shared| (shared.face, shared.mesh, shared.triangle))
             .collect();
-        if others.is_empty() {
+        let own = atlas.corners[texel.face.0 as usize];
+        let extent = own[0].max(own[1]).max(own[2]) - own[0].min(own[1]).min(own[2]);
+        if others.is_empty() || extent.max_element() * self.size as f32 > 1.0 {
             return Vec::new();
         }
         let faces: Vec<(u32, u32, u32)> =
@@ -117,5 +121,19 @@ mod tests {
         let wall = test_scenes::cuboid("wall", Vec3::new(1.4, -1.0, -9.0), Vec3::new(1.6, 9.0, 9.0));
         let samples = samples(Some(wall));
         assert!(!samples.is_empty() && samples.iter().all(|at| at.x < 1.0), "{samples:?}");
+    }
+
+    #[test]
+    fn a_needle_at_a_corner_leaves_a_large_face_its_texels() {
+        let floor = test_scenes::plane("floor", Vec3::ZERO, 4.0 * Vec3::X, 4.0 * Vec3::Z, 1, 1);
+        let floor = test_scenes::with_uv(floor, |at| 0.01 + 0.2 * Vec2::new(at.x, at.z));
+        let corner = floor.uv_sets[1][0];
+        let needle = test_scenes::plane("needle", Vec3::ZERO, 1e-3 * Vec3::X, Vec3::Z, 1, 1);
+        let needle = test_scenes::with_uv(needle, |_| corner);
+        let scene = test_scenes::scene(vec![floor, needle]);
+        let atlas = Atlas::of(&scene);
+        let map = texels::cover(&scene, &atlas, 16);
+        let shared = SharedTexels::of(&scene, &atlas, 16);
+        assert!(map.texels.iter().all(|texel| shared.points(&scene, &atlas, texel, 4).is_empty()));
     }
 }
