@@ -130,6 +130,28 @@ fn a_mesh_has_as_fine_texels_as_its_author_wants() {
 }
 
 #[test]
+fn hidden_surfaces_have_next_to_no_texels() {
+    let scene = scene(vec![
+        plane("seen", Vec3::ZERO, Vec3::X * 4.0, Vec3::Z * 4.0, 2, 2),
+        plane("hidden", Vec3::X * 10.0, Vec3::X * 4.0, Vec3::Z * 4.0, 2, 2),
+    ]);
+    let hidden: Vec<bool> = scene.faces().map(|(mesh, _)| mesh == 1).collect();
+    let scale = LocalScale::uniform();
+    let wanted = Wanted { hidden: &hidden, ..even(&scale) };
+    let charts = charts(&scene, wanted, backend(UnwrapBackend::Uvunwrap).unwrap().as_ref(), &quiet).unwrap();
+    let copy = scene.clone();
+    let caster = RayCaster::new(&copy).unwrap();
+    let (after, size) =
+        charts.lay_out(scene, &caster, LayoutSize { texels: 4000, ..LayoutSize::default() }, &quiet).unwrap();
+    let mut texels = [0.0; 2];
+    for ((mesh, _), uv) in after.faces().zip(&Atlas::of(&after).corners) {
+        texels[mesh] += (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs() / 2.0 * (size as f32).powi(2);
+    }
+    // A 64th of the edge: a 4096th of the texels, or one.
+    assert!((texels[0] / 4000.0 - 1.0).abs() < 0.05 && texels[1] < 2.0, "{texels:?}");
+}
+
+#[test]
 fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
     let scene = room();
     let backend = backend(UnwrapBackend::Uvunwrap).unwrap();

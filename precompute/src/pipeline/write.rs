@@ -29,8 +29,9 @@ impl BakeOutput {
     /// the bake kept those of `source`, the file that the scene was read from. Each file appears whole or not at all.
     ///
     /// # Errors
-    /// [`BakeError::Option`] for one file of two names, [`BakeError::Output`] where a file cannot be written, [`BakeError::Limit`] where the scene is too large for a .glb file,
-    /// [`BakeError::Internal`] for arrays that the format refuses.
+    /// [`BakeError::Option`] where both are one file, [`BakeError::Output`] where a file cannot be written, [`BakeError::Limit`] where
+    /// the scene is too large for a .glb file, [`BakeError::Scene`] for an image that cannot be encoded, [`BakeError::Internal`] for
+    /// arrays that the format refuses.
     pub fn write(
         mut self,
         output: &Path,
@@ -127,6 +128,9 @@ mod tests {
         assert!(first.report.stages.iter().any(|stage| stage.name == "write"));
 
         let again = bake(scene, &small(), &progress).expect("bakes");
+        assert!(matches!(again.write(&at("b.lprt"), &at("b.lprt"), None, &progress), Err(BakeError::Option { .. })));
+        assert!(!at("b.lprt").exists());
+        let again = bake(localprt_scenes::load(at("a.glb")).expect("reads"), &small(), &progress).expect("bakes");
         let again = again.write(&at("b.lprt"), &at("b.glb"), Some(&at("a.glb")), &progress).expect("writes");
         assert!(!again.is_scene_new && !at("b.glb").exists());
         assert_eq!(Baked::open(at("b.lprt")).expect("opens").view().metadata.scene_path, "a.glb");

@@ -3,6 +3,7 @@
 use super::*;
 use crate::test_bake;
 use localprt_formats::{BakedArrays, LEVEL_SKY};
+use localprt_scenes::{Material, Mesh, Sky};
 use std::f64::consts::PI;
 
 /// Every texel of a `size * size` map alike.
@@ -234,4 +235,28 @@ fn wrong_inputs_are_refused_and_leave_the_light_alone() {
     }
     assert!(gi.relight(&RelightInputs { feedback_albedo_cap: f32::NAN, ..good }).is_err());
     assert!(CpuRelighter::new(BakedArrays::default().view()).is_err());
+}
+
+#[test]
+fn a_lighting_needs_a_scene_and_finite_colors() {
+    let arrays = test_bake::furnace(2);
+    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    assert_eq!(gi.set_lighting(&Lighting::default()), Err(RelightError::NoScene));
+    assert_eq!(gi.bounce().err(), Some(RelightError::NoScene));
+    let scene = Scene {
+        meshes: vec![Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z],
+            normals: vec![Vec3::NEG_Y; 3],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        }],
+        materials: vec![Material::default()],
+        ..Scene::default()
+    };
+    gi.set_scene(&scene).unwrap();
+    let before = gi.bounce().unwrap().clone();
+    let broken = Lighting { sky: Sky::Constant(Vec3::NAN), ..Lighting::default() };
+    assert!(matches!(gi.set_lighting(&broken), Err(RelightError::NotFinite { .. })));
+    gi.reset();
+    assert_eq!(*gi.bounce().unwrap(), before, "the lighting before is still there");
 }

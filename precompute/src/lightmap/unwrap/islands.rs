@@ -50,7 +50,7 @@ pub struct Wanted<'a> {
     pub scale: &'a LocalScale,
     /// How much of each face is seen; empty for a uniform scale.
     pub seen: &'a Seen,
-    /// `[n_faces]` what light cannot reach, so far as a few rays of each face tell; empty for a uniform scale.
+    /// `[n_faces]` what neither people nor light see, by [`crate::lightmap::hidden::faces`]; empty for a uniform scale.
     pub hidden: &'a [bool],
     /// Edges at which charts end.
     pub walls: &'a Walls,

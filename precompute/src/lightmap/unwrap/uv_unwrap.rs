@@ -187,3 +187,30 @@ fn corners(atlas: &uvunwrap::Atlas) -> Vec<Vec<Option<[Vec2; 3]>>> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_zoom_is_found_within_a_third_of_a_step_or_not_at_all() {
+        let found = |limit: f32| largest(|zoom| Ok((zoom <= limit).then_some(zoom))).expect("no error");
+        for limit in [0.6, 0.88, 1.0, 1.13, 1.5, 2.0] {
+            let zoom = found(limit).expect("one that fits");
+            assert!(zoom <= limit && zoom * STEP.powf(1.0 / 3.0) * 1.0001 > limit, "{zoom} of {limit}");
+        }
+        assert_eq!(found(0.01), None);
+    }
+
+    #[test]
+    fn one_long_chart_fits_a_page_that_no_estimate_by_area_allows() {
+        // 1000 m by 1 cm at 100 texels per metre: 100,000 texels long.
+        let corners = vec![
+            [Vec2::ZERO, Vec2::new(1000.0, 0.0), Vec2::new(1000.0, 0.01)],
+            [Vec2::ZERO, Vec2::new(1000.0, 0.01), Vec2::new(0.0, 0.01)],
+        ];
+        let packed = pack(&[FlatChart { corners, density: 100.0 }], Some(128), true, &|_, _, _| true).expect("fits");
+        let reach = packed.corners[0].iter().flatten().flatten().map(|uv| uv.max_element()).fold(0.0, f32::max);
+        assert!(reach > 64.0 && reach <= 127.0, "{reach}");
+    }
+}
