@@ -13,9 +13,6 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 CRATES = ["formats", "scenes", "scenes/surfaces", "scenes/tools", "runtime", "precompute", "runtime/viewer"]
 # Cycles that are left to cut.
 KNOWN = {
-    ("formats", "check, error, header, metadata, open"),
-    ("scenes", "lighting, scene"),
-    ("runtime", "checked_bake, checked_volume"),
     ("runtime/viewer", "app, panel, viewport"),
     ("runtime/viewer", "web, window"),
 }

@@ -1,5 +1,6 @@
 //! What a baked file holds, as plain arrays.
 
+use crate::block::{BlockArrays, Blocks, Shape};
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 use serde::{Deserialize, Serialize};
@@ -13,54 +14,6 @@ pub struct Probe {
     /// Support radius, metres.
     pub support_radius_m: f32,
 }
-
-/// One cluster of receivers: where its lists and matrices lie. All counts and offsets are in elements of their arrays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct ClusterRecord {
-    /// First receiver; receivers of a cluster follow each other.
-    pub first_receiver: u32,
-    /// Number of receivers, at least 1.
-    pub n_receivers: u32,
-    /// First entry of `cluster_probes`.
-    pub first_probe: u32,
-    /// Number of supporting probes; their ids rise.
-    pub n_probes: u32,
-    /// Sky columns after the probe columns: 0, or `(sky_degree + 1)^2`.
-    pub n_sky: u32,
-    /// Number of kept singular values n_c; 0 for a cluster that sees nothing.
-    pub n_coefficients: u32,
-    /// First of its cluster lights: the sum of `n_coefficients` before it.
-    pub first_light: u32,
-    /// Start of `S V^T` in `projection`, in pairs of f16. Rows of `n_probes * n_sh + n_sky` columns; row-major; the
-    /// whole block is padded with a zero to an even number of values.
-    pub projection_pair: u32,
-    /// Start of `U` in `reconstruction`, in pairs of f16. `n_receivers * n_k` rows of `n_coefficients`, row-major,
-    /// receiver by receiver; padded likewise.
-    pub reconstruction_pair: u32,
-    /// 0.
-    pub reserved: u32,
-}
-
-/// Receivers that read near light together: a run of at most [`NEAR_TILE`]. Each field is the first of the tile's own; the
-/// tile ends where the next begins, and one more after the last tells the totals.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct NearTile {
-    /// First receiver.
-    pub first_receiver: u32,
-    /// First of its nodes.
-    pub first_node: u32,
-    /// First of its links.
-    pub first_link: u32,
-    /// Weight of the code 127.
-    pub scale: f32,
-}
-
-/// Most receivers of a tile of near light.
-pub const NEAR_TILE: u32 = 64;
-/// Most nodes of a tile of near light.
-pub const NEAR_NODES: u32 = 256;
 
 /// Regular grid of a volume: where its cells lie, and the degree of what they hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -168,8 +121,8 @@ pub struct BakedArrays {
     pub ray_uv: Vec<u32>,
     /// `[n_probes][n_rays]` mip level 0..=15, [`LEVEL_SKY`] or [`LEVEL_BLACK`].
     pub ray_level: Vec<u8>,
-    /// `[n_probes][n_rays]` metres from the probe to what the ray meets, infinite where it leaves the scene; or empty:
-    /// files before version 1.1 do not tell.
+    /// `[n_probes][n_rays]` metres from the probe to what the ray meets, infinite where it leaves the scene; or empty
+    /// where that is not told.
     pub ray_distance: Vec<f16>,
     /// `[n_receivers]` texel of the receiver map: `y * lightmap_size + x`, row 0 at v = 0.
     pub receiver_texel: Vec<u32>,
@@ -179,22 +132,14 @@ pub struct BakedArrays {
     pub receiver_normal: Vec<[f32; 3]>,
     /// `[n_receivers]` cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads, 0..=1.
     pub receiver_unseen: Vec<f32>,
-    /// `[n_clusters]`.
-    pub clusters: Vec<ClusterRecord>,
-    /// Supporting probes of all clusters, cluster by cluster.
-    pub cluster_probes: Vec<u32>,
-    /// `S V^T` of all clusters.
-    pub projection: Vec<f16>,
-    /// `U` of all clusters.
-    pub reconstruction: Vec<f16>,
+    /// Transport to the receivers, in their order.
+    pub blocks: BlockArrays,
     /// Gutter fill: `[texel, receiver]`, a texel without receiver and the receiver whose value it takes.
     pub gutters: Vec<[u32; 2]>,
     /// Pairs of receivers that lie on both sides of a chart seam at the same place.
     pub seams: Vec<[u32; 2]>,
     /// Light in the open space, for objects that move.
     pub volume: Option<VolumeArrays>,
-    /// What receivers read from the light map beside their probes.
-    pub near: Option<NearArrays>,
     /// The bake report without times, JSON; may be empty.
     pub report: String,
 }
@@ -206,92 +151,10 @@ pub struct VolumeArrays {
     pub grid: VolumeGrid,
     /// `[n_volume_receivers]` cell of each, in cluster order.
     pub cells: Vec<u32>,
-    /// Clusters of volume receivers; offsets are into the arrays below.
-    pub clusters: Vec<ClusterRecord>,
-    /// Supporting probes of all clusters, cluster by cluster.
-    pub cluster_probes: Vec<u32>,
-    /// `S V^T` of all clusters.
-    pub projection: Vec<f16>,
-    /// `U` of all clusters.
-    pub reconstruction: Vec<f16>,
+    /// Transport to the volume receivers, in their order.
+    pub blocks: BlockArrays,
     /// `[cell, cell]`: a cell without receiver, and the one with a receiver whose values it takes.
     pub fill: Vec<[u32; 2]>,
-}
-
-/// Near light: texels of mip levels of the direct light map that receivers read beside their probes.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct NearArrays {
-    /// `[n_tiles + 1]`.
-    pub tiles: Vec<NearTile>,
-    /// Nodes of all tiles: mip level in the upper 4 bits, `y * size of the level + x` below.
-    pub nodes: Vec<u32>,
-    /// `[n_receivers]` links of each.
-    pub counts: Vec<u8>,
-    /// `[n_links]` node of each, by its place in the tile's.
-    pub links: Vec<u8>,
-    /// `[n_links][n_k]` codes of [`crate::quantize::near_weight`].
-    pub weights: Vec<i8>,
-}
-
-/// Borrowed view of near light; fields as in [`NearArrays`].
-#[derive(Clone, Copy, Debug)]
-#[allow(missing_docs)]
-pub struct NearView<'a> {
-    pub tiles: &'a [NearTile],
-    pub nodes: &'a [u32],
-    pub counts: &'a [u8],
-    pub links: &'a [u8],
-    pub weights: &'a [i8],
-}
-
-impl NearArrays {
-    /// The same arrays, borrowed.
-    pub fn view(&self) -> NearView<'_> {
-        NearView {
-            tiles: &self.tiles,
-            nodes: &self.nodes,
-            counts: &self.counts,
-            links: &self.links,
-            weights: &self.weights,
-        }
-    }
-}
-
-/// Node of a texel of a level, `y * size of the level + x`.
-pub fn node_at(level: u32, texel: u32) -> u32 {
-    (level << 28) | texel
-}
-
-/// Level of a node, and its texel there, `y * size of the level + x`.
-pub fn node_level_and_texel(node: u32) -> (u32, u32) {
-    (node >> 28, node & 0x0fff_ffff)
-}
-
-impl NearView<'_> {
-    /// Links of a receiver: node, and weight of output 0. None for a receiver that does not exist; the arrays must be sound.
-    pub fn links_of(&self, receiver: u32) -> Vec<(u32, f32)> {
-        let after = self.tiles.partition_point(|tile| tile.first_receiver <= receiver);
-        let (Some(tile), true) =
-            (after.checked_sub(1).map(|at| self.tiles[at]), (receiver as usize) < self.counts.len())
-        else {
-            return Vec::new();
-        };
-        let before = &self.counts[tile.first_receiver as usize..receiver as usize];
-        let first = tile.first_link as usize + before.iter().map(|count| usize::from(*count)).sum::<usize>();
-        let n_k = self.weights.len() / self.links.len().max(1);
-        (first..first + usize::from(self.counts[receiver as usize]))
-            .map(|link| {
-                let node = self.nodes[tile.first_node as usize + usize::from(self.links[link])];
-                (node, crate::quantize::near_weight(self.weights[link * n_k], tile.scale))
-            })
-            .collect()
-    }
-
-    /// Bytes of the arrays.
-    pub fn bytes(&self) -> u64 {
-        (size_of_val(self.tiles) + size_of_val(self.nodes) + self.counts.len() + self.links.len() + self.weights.len())
-            as u64
-    }
 }
 
 /// Borrowed view of a volume; fields as in [`VolumeArrays`].
@@ -300,25 +163,14 @@ impl NearView<'_> {
 pub struct VolumeView<'a> {
     pub grid: &'a VolumeGrid,
     pub cells: &'a [u32],
-    pub clusters: &'a [ClusterRecord],
-    pub cluster_probes: &'a [u32],
-    pub projection: &'a [f16],
-    pub reconstruction: &'a [f16],
+    pub blocks: Blocks<'a>,
     pub fill: &'a [[u32; 2]],
 }
 
 impl VolumeArrays {
     /// The same arrays, borrowed.
     pub fn view(&self) -> VolumeView<'_> {
-        VolumeView {
-            grid: &self.grid,
-            cells: &self.cells,
-            clusters: &self.clusters,
-            cluster_probes: &self.cluster_probes,
-            projection: &self.projection,
-            reconstruction: &self.reconstruction,
-            fill: &self.fill,
-        }
+        VolumeView { grid: &self.grid, cells: &self.cells, blocks: self.blocks.view(), fill: &self.fill }
     }
 }
 
@@ -337,14 +189,10 @@ pub struct BakedView<'a> {
     pub receiver_position: &'a [[f32; 3]],
     pub receiver_normal: &'a [[f32; 3]],
     pub receiver_unseen: &'a [f32],
-    pub clusters: &'a [ClusterRecord],
-    pub cluster_probes: &'a [u32],
-    pub projection: &'a [f16],
-    pub reconstruction: &'a [f16],
+    pub blocks: Blocks<'a>,
     pub gutters: &'a [[u32; 2]],
     pub seams: &'a [[u32; 2]],
     pub volume: Option<VolumeView<'a>>,
-    pub near: Option<NearView<'a>>,
     pub report: &'a str,
 }
 
@@ -363,15 +211,32 @@ impl BakedArrays {
             receiver_position: &self.receiver_position,
             receiver_normal: &self.receiver_normal,
             receiver_unseen: &self.receiver_unseen,
-            clusters: &self.clusters,
-            cluster_probes: &self.cluster_probes,
-            projection: &self.projection,
-            reconstruction: &self.reconstruction,
+            blocks: self.blocks.view(),
             gutters: &self.gutters,
             seams: &self.seams,
             volume: self.volume.as_ref().map(VolumeArrays::view),
-            near: self.near.as_ref().map(NearArrays::view),
             report: &self.report,
         }
+    }
+}
+
+impl BakedView<'_> {
+    /// What blocks of the lightmap's transport are checked against.
+    pub(crate) fn shape(&self) -> Shape {
+        Shape {
+            n_probes: self.probes.len(),
+            n_sh: self.metadata.n_sh(),
+            n_sky: self.metadata.n_sky(),
+            n_k: self.metadata.n_k(),
+            direct_size: self.metadata.direct_size,
+            of: "",
+        }
+    }
+}
+
+impl VolumeView<'_> {
+    /// The same of the volume's.
+    pub(crate) fn shape(&self, file: &BakedView<'_>) -> Shape {
+        Shape { n_k: self.grid.n_k(), of: "volume ", ..file.shape() }
     }
 }

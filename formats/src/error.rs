@@ -1,10 +1,31 @@
 //! What can be wrong with a file, and with writing one. Numbers of rules are those of `SPEC.md`.
 
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-use crate::check::Violation;
-use crate::header::SectionKind;
+use crate::section::SectionKind;
+
+/// A broken rule of `SPEC.md`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// Number of the rule.
+    pub rule: u16,
+    /// Place, what was found, what is allowed.
+    pub message: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "rule {}: {}", self.rule, self.message)
+    }
+}
+
+impl std::error::Error for Violation {}
+
+pub(crate) fn fail<T>(rule: u16, message: String) -> Result<T, Violation> {
+    Err(Violation { rule, message })
+}
 
 /// Why a file was refused. Every variant but [`OpenError::Io`] stands for one numbered rule of `SPEC.md`.
 #[derive(Debug, thiserror::Error)]

@@ -1,15 +1,14 @@
 //! Header and section table: what lies where, and rules 1 to 21 of `SPEC.md`, all checked without reading a payload.
 
-use std::fmt;
-
 use crate::error::OpenError;
+use crate::section::{Scalar, SectionInfo, SectionKind};
 
 /// First bytes of every file: not ASCII, the name, and line ends that a transfer as text would change.
 pub const MAGIC: [u8; 8] = *b"\x89LPR\r\n\x1a\n";
 /// Major version this crate reads and writes; others are refused.
-pub const VERSION_MAJOR: u16 = 1;
+pub const VERSION_MAJOR: u16 = 2;
 /// Minor version this crate writes; any is read.
-pub const VERSION_MINOR: u16 = 2;
+pub const VERSION_MINOR: u16 = 0;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 64;
 /// Bytes of one entry of the section table.
@@ -22,88 +21,6 @@ pub const MAX_SECTIONS: u32 = 256;
 /// The header's checksum covers header and table but for itself, the last four bytes of the header.
 const CHECKSUM_AT: usize = 60;
 
-/// Four-letter name of a section.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub struct SectionKind(pub [u8; 4]);
-
-impl fmt::Display for SectionKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.0.escape_ascii())
-    }
-}
-
-impl fmt::Debug for SectionKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
-
-/// Number type of a section's elements; the discriminant is the code in the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u16)]
-pub enum Scalar {
-    /// Unsigned, 1 byte.
-    U8 = 1,
-    /// Unsigned, 2 bytes.
-    U16 = 2,
-    /// Unsigned, 4 bytes.
-    U32 = 3,
-    /// IEEE 754 binary16.
-    F16 = 4,
-    /// IEEE 754 binary32.
-    F32 = 5,
-}
-
-impl Scalar {
-    /// Bytes of one number.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::U8 => 1,
-            Self::U16 | Self::F16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    fn from_code(code: u16) -> Option<Self> {
-        [Self::U8, Self::U16, Self::U32, Self::F16, Self::F32].into_iter().find(|scalar| *scalar as u16 == code)
-    }
-}
-
-impl fmt::Display for Scalar {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U32 => "u32",
-            Self::F16 => "f16",
-            Self::F32 => "f32",
-        })
-    }
-}
-
-/// One entry of the section table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SectionInfo {
-    /// Name.
-    pub kind: SectionKind,
-    /// Version of this section's layout, from 1.
-    pub version: u16,
-    /// Whether a reader that does not know the section must refuse the file.
-    pub required: bool,
-    /// Number type of its elements.
-    pub scalar: Scalar,
-    /// Numbers per element.
-    pub components: u16,
-    /// Elements.
-    pub count: u64,
-    /// First byte in the file, a multiple of [`ALIGNMENT`].
-    pub offset: u64,
-    /// Bytes, without padding.
-    pub length: u64,
-    /// CRC-32C of those bytes.
-    pub checksum: u32,
-}
-
 impl SectionInfo {
     /// Whether this crate reads the section; unknown optional ones are skipped.
     pub fn is_known(&self) -> bool {
@@ -111,7 +28,7 @@ impl SectionInfo {
     }
 }
 
-/// Sections of format version 1, in the order in which they are written. The discriminant is the place in [`LAYOUTS`].
+/// Sections of format version 2, in the order in which they are written. The discriminant is the place in [`LAYOUTS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Known {
     Metadata,
@@ -125,25 +42,43 @@ pub(crate) enum Known {
     ReceiverPosition,
     ReceiverNormal,
     ReceiverUnseen,
-    Clusters,
-    ClusterProbes,
-    Projection,
-    Reconstruction,
+    Blocks,
+    BlockData,
     Gutters,
     Seams,
     Volume,
     VolumeCells,
-    VolumeClusters,
-    VolumeClusterProbes,
-    VolumeProjection,
-    VolumeReconstruction,
+    VolumeBlocks,
+    VolumeBlockData,
     VolumeFill,
-    NearTiles,
-    NearNodes,
-    NearCounts,
-    NearLinks,
-    NearWeights,
     Report,
+}
+
+impl Known {
+    /// All, in the order in which they are written.
+    pub(crate) const ALL: [Self; LAYOUTS.len()] = [
+        Self::Metadata,
+        Self::Probes,
+        Self::RayDirs,
+        Self::RaySh,
+        Self::RayUv,
+        Self::RayLevel,
+        Self::RayDistance,
+        Self::ReceiverTexel,
+        Self::ReceiverPosition,
+        Self::ReceiverNormal,
+        Self::ReceiverUnseen,
+        Self::Blocks,
+        Self::BlockData,
+        Self::Gutters,
+        Self::Seams,
+        Self::Volume,
+        Self::VolumeCells,
+        Self::VolumeBlocks,
+        Self::VolumeBlockData,
+        Self::VolumeFill,
+        Self::Report,
+    ];
 }
 
 /// How a known section is described.
@@ -152,27 +87,20 @@ pub(crate) struct Layout {
     pub version: u16,
     pub scalar: Scalar,
     pub components: u16,
-    /// Whether readers that do not know it must refuse the file.
+    /// Whether every file has it, and readers that do not know it must refuse the file.
     pub required: bool,
-    /// Whether every file has it.
-    pub expected: bool,
 }
 
 const fn layout(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true, expected: true }
+    Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true }
 }
 
 const fn optional(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { required: false, expected: false, ..layout(kind, scalar, components) }
-}
-
-/// Absent from some files; where it is there, a reader that skipped it would show wrong light.
-const fn understood(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { expected: false, ..layout(kind, scalar, components) }
+    Layout { required: false, ..layout(kind, scalar, components) }
 }
 
 /// Descriptions of all known sections, by [`Known`].
-pub(crate) const LAYOUTS: [Layout; 30] = [
+pub(crate) const LAYOUTS: [Layout; 21] = [
     layout(b"META", Scalar::U8, 1),
     layout(b"PROB", Scalar::F32, 4),
     layout(b"RDIR", Scalar::F32, 4),
@@ -184,24 +112,15 @@ pub(crate) const LAYOUTS: [Layout; 30] = [
     layout(b"RPOS", Scalar::F32, 3),
     layout(b"RNRM", Scalar::F32, 3),
     layout(b"RUNS", Scalar::F32, 1),
-    layout(b"CLUS", Scalar::U32, 10),
-    layout(b"CPRB", Scalar::U32, 1),
-    layout(b"PROJ", Scalar::F16, 1),
-    layout(b"RECO", Scalar::F16, 1),
+    layout(b"BLOK", Scalar::U32, 32),
+    layout(b"BDAT", Scalar::U32, 1),
     layout(b"GUTR", Scalar::U32, 2),
     layout(b"SEAM", Scalar::U32, 2),
     optional(b"VOLU", Scalar::U32, 8),
     optional(b"VCEL", Scalar::U32, 1),
-    optional(b"VCLU", Scalar::U32, 10),
-    optional(b"VCPR", Scalar::U32, 1),
-    optional(b"VPRJ", Scalar::F16, 1),
-    optional(b"VREC", Scalar::F16, 1),
+    optional(b"VBLK", Scalar::U32, 32),
+    optional(b"VDAT", Scalar::U32, 1),
     optional(b"VFIL", Scalar::U32, 2),
-    understood(b"NTIL", Scalar::U32, 4),
-    understood(b"NNOD", Scalar::U32, 1),
-    understood(b"NCNT", Scalar::U8, 1),
-    understood(b"NIDX", Scalar::U8, 1),
-    understood(b"NWGT", Scalar::U8, 1),
     optional(b"REPT", Scalar::U8, 1),
 ];
 
@@ -210,19 +129,8 @@ fn known_section(kind: SectionKind) -> Option<(usize, &'static Layout)> {
 }
 
 /// Sections of a volume: all of them or none.
-pub(crate) const VOLUME: [Known; 7] = [
-    Known::Volume,
-    Known::VolumeCells,
-    Known::VolumeClusters,
-    Known::VolumeClusterProbes,
-    Known::VolumeProjection,
-    Known::VolumeReconstruction,
-    Known::VolumeFill,
-];
-
-/// Sections of near light: all of them or none.
-pub(crate) const NEAR: [Known; 5] =
-    [Known::NearTiles, Known::NearNodes, Known::NearCounts, Known::NearLinks, Known::NearWeights];
+pub(crate) const VOLUME: [Known; 5] =
+    [Known::Volume, Known::VolumeCells, Known::VolumeBlocks, Known::VolumeBlockData, Known::VolumeFill];
 
 /// A checked header with its table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -312,7 +220,7 @@ impl Header {
             }
             self.known[known] = Some(index);
         }
-        match LAYOUTS.iter().zip(&self.known).find(|(layout, found)| layout.expected && found.is_none()) {
+        match LAYOUTS.iter().zip(&self.known).find(|(layout, found)| layout.required && found.is_none()) {
             Some((layout, _)) => Err(OpenError::MissingSection { section: layout.kind }),
             None => Ok(()),
         }

@@ -8,16 +8,20 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
-use crate::baked::{BakedView, Metadata, NearView, VolumeGrid, VolumeView};
-use crate::check::{Violation, check_invariants};
-use crate::error::OpenError;
-use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, NEAR, SectionInfo, VOLUME};
+use crate::baked::{BakedView, Metadata, VolumeGrid, VolumeView};
+use crate::block::Blocks;
+use crate::check::{check_invariants, check_tables};
+use crate::error::{OpenError, Violation};
+use crate::header::{HEADER_BYTES, Header, Known, LAYOUTS, VOLUME};
 use crate::metadata;
+use crate::section::SectionInfo;
+use crate::transport::{Block, Checked, block};
 
 #[cfg(target_endian = "big")]
 compile_error!("files are little-endian and read in place; big-endian hosts are not supported");
 
-/// An opened file. Its slices have been checked: counts agree, every index is in range, every number is finite.
+/// An opened file. Its slices have been checked, but for what is in the blocks of transport: counts agree, every index is in
+/// range, every number is finite. [`Baked::checked`] and [`Baked::block`] check blocks.
 pub struct Baked {
     bytes: Bytes,
     header: Header,
@@ -29,8 +33,8 @@ pub struct Baked {
 }
 
 impl Baked {
-    /// Maps the file and checks structure, ranges, counts and every index; not the payload checksums, which
-    /// [`crate::check()`] verifies.
+    /// Maps the file and checks structure, ranges, counts and every index outside of the blocks of transport, whose bytes are
+    /// not read; nor the payload checksums, which [`crate::check()`] verifies.
     ///
     /// The file must not be changed or truncated in place while it is open; replacing it by renaming, as
     /// [`crate::write()`] does, is fine. Where others can write to it, use [`Baked::open_copied`].
@@ -64,13 +68,36 @@ impl Baked {
         let ranges = section_ranges(&header)?;
         let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
         let report = report_text(&file[ranges[Known::Report as usize].clone()])?.to_owned();
-        check_invariants(&view(file, &ranges, &metadata, &report))?;
+        check_tables(&view(file, &ranges, &metadata, &report))?;
         Ok(Self { bytes, header, metadata, ranges, report })
     }
 
     /// All arrays.
     pub fn view(&self) -> BakedView<'_> {
         view(self.bytes.as_slice(), &self.ranges, &self.metadata, &self.report)
+    }
+
+    /// The file with every block of transport checked: what relighters take.
+    ///
+    /// # Errors
+    /// [`OpenError::Invalid`] with the first broken rule of a block.
+    pub fn checked(&self) -> Result<Checked<'_>, OpenError> {
+        Ok(Checked::of_tables(self.view())?)
+    }
+
+    /// One block of the lightmap's transport, checked: for readers that do not need all of them at once.
+    ///
+    /// # Errors
+    /// [`OpenError::Invalid`] with the broken rule.
+    ///
+    /// # Panics
+    /// If there is no such block.
+    pub fn block(&self, index: usize) -> Result<Block<'_>, OpenError> {
+        let view = self.view();
+        let before = Blocks { records: &view.blocks.records[..index], ..view.blocks };
+        let first_receiver = before.total(|block| block.n_receivers) as usize;
+        let first_light = before.total(|block| block.n_lights) as usize;
+        Ok(block(view.blocks, index, first_receiver, first_light, view.shape())?)
     }
 
     /// Facts of the bake.
@@ -229,11 +256,6 @@ fn section_ranges(header: &Header) -> Result<[Range<usize>; LAYOUTS.len()], Viol
         let message = format!("volume: {present} of its {} sections are present", VOLUME.len());
         return Err(Violation { rule: 70, message });
     }
-    let near = NEAR.iter().filter(|known| header.known[**known as usize].is_some()).count();
-    if near != 0 && (near != NEAR.len() || ranges[Known::NearTiles as usize].is_empty()) {
-        let message = format!("near light: {near} of its {} sections are present, or NTIL is empty", NEAR.len());
-        return Err(Violation { rule: 80, message });
-    }
     if VOLUME.iter().any(|known| header.known[*known as usize].is_none()) {
         VOLUME.iter().for_each(|known| ranges[*known as usize] = 0..0);
     } else if ranges[Known::Volume as usize].len() != size_of::<VolumeGrid>() {
@@ -265,35 +287,21 @@ fn view<'a>(
         receiver_position: slice(file, ranges, Known::ReceiverPosition),
         receiver_normal: slice(file, ranges, Known::ReceiverNormal),
         receiver_unseen: slice(file, ranges, Known::ReceiverUnseen),
-        clusters: slice(file, ranges, Known::Clusters),
-        cluster_probes: slice(file, ranges, Known::ClusterProbes),
-        projection: slice(file, ranges, Known::Projection),
-        reconstruction: slice(file, ranges, Known::Reconstruction),
+        blocks: blocks(file, ranges, Known::Blocks, Known::BlockData),
         gutters: slice(file, ranges, Known::Gutters),
         seams: slice(file, ranges, Known::Seams),
         volume: slice(file, ranges, Known::Volume).first().map(|grid| VolumeView {
             grid,
             cells: slice(file, ranges, Known::VolumeCells),
-            clusters: slice(file, ranges, Known::VolumeClusters),
-            cluster_probes: slice(file, ranges, Known::VolumeClusterProbes),
-            projection: slice(file, ranges, Known::VolumeProjection),
-            reconstruction: slice(file, ranges, Known::VolumeReconstruction),
+            blocks: blocks(file, ranges, Known::VolumeBlocks, Known::VolumeBlockData),
             fill: slice(file, ranges, Known::VolumeFill),
-        }),
-        near: has_near(ranges).then(|| NearView {
-            tiles: slice(file, ranges, Known::NearTiles),
-            nodes: slice(file, ranges, Known::NearNodes),
-            counts: slice(file, ranges, Known::NearCounts),
-            links: slice(file, ranges, Known::NearLinks),
-            weights: slice(file, ranges, Known::NearWeights),
         }),
         report,
     }
 }
 
-/// Its tiles have an element at least.
-fn has_near(ranges: &[Range<usize>; LAYOUTS.len()]) -> bool {
-    !ranges[Known::NearTiles as usize].is_empty()
+fn blocks<'a>(file: &'a [u8], ranges: &[Range<usize>; LAYOUTS.len()], table: Known, data: Known) -> Blocks<'a> {
+    Blocks { records: slice(file, ranges, table), data: slice(file, ranges, data) }
 }
 
 /// A section's elements in place: the file is aligned to 8, sections to 256, and lengths are whole elements (rule 14).

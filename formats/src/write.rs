@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use crate::baked::{BakedArrays, BakedView};
 use crate::check::check_invariants;
 use crate::error::WriteError;
-use crate::header::{self, ENTRY_BYTES, HEADER_BYTES, Known, LAYOUTS, SectionInfo};
+use crate::header::{self, ENTRY_BYTES, HEADER_BYTES, Known, LAYOUTS};
 use crate::metadata;
+use crate::section::SectionInfo;
 
 /// Writes `arrays` to `path`, whole or not at all.
 ///
@@ -71,7 +72,7 @@ impl<'a> Plan<'a> {
     fn new(view: &'a BakedView<'a>) -> Result<Self, WriteError> {
         check_invariants(view)?;
         let metadata = metadata::encode(view.metadata)?;
-        let present: Vec<_> = ORDER
+        let present: Vec<_> = Known::ALL
             .into_iter()
             .filter_map(|known| payload(known, view, &metadata).map(|payload| (known, payload)))
             .collect();
@@ -116,40 +117,6 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Order of the sections in the file.
-const ORDER: [Known; LAYOUTS.len()] = [
-    Known::Metadata,
-    Known::Probes,
-    Known::RayDirs,
-    Known::RaySh,
-    Known::RayUv,
-    Known::RayLevel,
-    Known::RayDistance,
-    Known::ReceiverTexel,
-    Known::ReceiverPosition,
-    Known::ReceiverNormal,
-    Known::ReceiverUnseen,
-    Known::Clusters,
-    Known::ClusterProbes,
-    Known::Projection,
-    Known::Reconstruction,
-    Known::Gutters,
-    Known::Seams,
-    Known::Volume,
-    Known::VolumeCells,
-    Known::VolumeClusters,
-    Known::VolumeClusterProbes,
-    Known::VolumeProjection,
-    Known::VolumeReconstruction,
-    Known::VolumeFill,
-    Known::NearTiles,
-    Known::NearNodes,
-    Known::NearCounts,
-    Known::NearLinks,
-    Known::NearWeights,
-    Known::Report,
-];
-
 /// A section's bytes; `None` for an optional one that is left out.
 fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option<&'a [u8]> {
     use bytemuck::cast_slice;
@@ -166,24 +133,15 @@ fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option
         Known::ReceiverPosition => cast_slice(view.receiver_position),
         Known::ReceiverNormal => cast_slice(view.receiver_normal),
         Known::ReceiverUnseen => cast_slice(view.receiver_unseen),
-        Known::Clusters => cast_slice(view.clusters),
-        Known::ClusterProbes => cast_slice(view.cluster_probes),
-        Known::Projection => cast_slice(view.projection),
-        Known::Reconstruction => cast_slice(view.reconstruction),
+        Known::Blocks => cast_slice(view.blocks.records),
+        Known::BlockData => cast_slice(view.blocks.data),
         Known::Gutters => cast_slice(view.gutters),
         Known::Seams => cast_slice(view.seams),
         Known::Volume => bytemuck::bytes_of(view.volume?.grid),
         Known::VolumeCells => cast_slice(view.volume?.cells),
-        Known::VolumeClusters => cast_slice(view.volume?.clusters),
-        Known::VolumeClusterProbes => cast_slice(view.volume?.cluster_probes),
-        Known::VolumeProjection => cast_slice(view.volume?.projection),
-        Known::VolumeReconstruction => cast_slice(view.volume?.reconstruction),
+        Known::VolumeBlocks => cast_slice(view.volume?.blocks.records),
+        Known::VolumeBlockData => cast_slice(view.volume?.blocks.data),
         Known::VolumeFill => cast_slice(view.volume?.fill),
-        Known::NearTiles => cast_slice(view.near?.tiles),
-        Known::NearNodes => cast_slice(view.near?.nodes),
-        Known::NearCounts => view.near?.counts,
-        Known::NearLinks => view.near?.links,
-        Known::NearWeights => cast_slice(view.near?.weights),
         Known::Report if view.report.is_empty() => return None,
         Known::Report => view.report.as_bytes(),
     })

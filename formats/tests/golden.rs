@@ -7,20 +7,16 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{minimal, minimal_1_0, minimal_1_1};
+use common::minimal;
 use half::f16;
-use localprt_formats::{Baked, BakedView, LEVEL_SKY, check, to_bytes, write};
+use localprt_formats::{Baked, LEVEL_SKY, check, to_bytes, write};
 
-fn golden_1_0() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1.lprt")
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
 }
 
-fn golden_1_1() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_1.lprt")
-}
-
-fn golden_1_2() -> PathBuf {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/minimal_v1_2.lprt");
+fn golden_2_0() -> PathBuf {
+    let path = data("minimal_v2.lprt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         write(&path, &minimal()).unwrap();
     }
@@ -28,49 +24,33 @@ fn golden_1_2() -> PathBuf {
 }
 
 #[test]
-fn the_file_of_version_1_0_opens_to_known_values() {
-    let path = golden_1_0();
-    assert_eq!(check(&path).unwrap(), []);
-    let baked = Baked::open(&path).unwrap();
-    assert_eq!(baked.version(), (1, 0));
-    assert_eq!(baked.sections().len(), 17);
-    assert_known_values(&baked.view());
-    assert!(baked.view().ray_distance.is_empty() && baked.view().volume.is_none());
+fn files_of_version_1_are_refused_with_the_remedy() {
+    let error = Baked::open(data("minimal_v1_2.lprt")).unwrap_err();
+    assert_eq!(error.rule(), Some(3));
+    let text = error.to_string();
+    assert!(text.contains("version 1.2") && text.contains("bake the scene again"), "{text}");
 }
 
 #[test]
-fn the_file_of_version_1_1_opens_to_known_values() {
-    let path = golden_1_1();
+fn the_file_of_version_2_0_opens_to_known_values() {
+    let path = golden_2_0();
     assert_eq!(check(&path).unwrap(), []);
     let baked = Baked::open(&path).unwrap();
-    assert_eq!(baked.version(), (1, 1));
-    assert_eq!(baked.sections().len(), 25);
-    assert_values_of_1_1(&baked.view());
-    assert!(baked.view().near.is_none());
-}
-
-#[test]
-fn the_file_of_version_1_2_opens_to_known_values() {
-    let path = golden_1_2();
-    assert_eq!(check(&path).unwrap(), []);
-    let baked = Baked::open(&path).unwrap();
-    assert_eq!(baked.version(), (1, 2));
-    assert_eq!(baked.sections().len(), 30);
-    assert_values_of_1_1(&baked.view());
-    let near = baked.view().near.unwrap();
-    let tile = near.tiles[1];
-    assert_eq!((tile.first_receiver, tile.first_node, tile.first_link, tile.scale), (2, 2, 3, 0.25));
-    assert_eq!(near.nodes, [13, 1 << 28 | 5]);
-    assert_eq!(localprt_formats::node_level_and_texel(near.nodes[1]), (1, 5));
-    let links = [0, 1, 2, 3].map(|receiver| near.links_of(receiver));
-    assert_eq!(links[0], [(13, 0.5), (near.nodes[1], 0.5 * (64.0f32 / 127.0).powi(2))]);
-    assert_eq!((links[1].len(), links[1][0].0, links[2].len(), links[3].len()), (1, near.nodes[1], 0, 0));
-    assert_eq!((near.counts, near.links, near.weights), (&[2, 1, 0][..], &[0, 1, 1][..], &[127, 64, -32][..]));
-}
-
-/// What the files from version 1.1 on hold.
-fn assert_values_of_1_1(view: &BakedView<'_>) {
-    assert_known_values(view);
+    assert_eq!(baked.version(), (2, 0));
+    assert_eq!(baked.sections().len(), 21);
+    assert_known_values(&baked);
+    let checked = baked.checked().unwrap();
+    let view = checked.view();
+    let tile = &checked.transport().tiles[1];
+    assert_eq!((tile.receivers.clone(), tile.nodes.len(), tile.links.len(), tile.scale), (2..3, 0, 0, 0.25));
+    let tile = &checked.transport().tiles[0];
+    assert_eq!((tile.receivers.clone(), tile.scale), (0..2, 0.5));
+    assert_eq!(tile.nodes, [13, 1 << 28 | 5]);
+    assert_eq!(localprt_formats::node_level_and_texel(tile.nodes[1]), (1, 5));
+    assert_eq!((tile.counts, tile.links, tile.weights), (&[2, 1][..], &[0, 1, 1][..], &[127, 64, -32][..]));
+    let links = [0, 1, 2, 3].map(|receiver| checked.transport().links_of(receiver));
+    assert_eq!(links[0], [(13, 0.5), (tile.nodes[1], 0.5 * (64.0f32 / 127.0).powi(2))]);
+    assert_eq!((links[1].len(), links[1][0].0, links[2].len(), links[3].len()), (1, tile.nodes[1], 0, 0));
     assert_eq!(view.ray_distance[..4], [1.5, 0.5, f32::INFINITY, 1.0].map(f16::from_f32));
     assert_eq!(view.ray_distance[11], f16::MAX);
     let volume = view.volume.unwrap();
@@ -80,14 +60,15 @@ fn assert_values_of_1_1(view: &BakedView<'_>) {
     assert_eq!(volume.grid.index([1, 1, 0]), 4);
     assert_eq!(volume.grid.position(4), [0.0, 0.75, 0.0]);
     assert_eq!(volume.cells, [4, 1]);
-    assert_eq!((volume.clusters[0].n_sky, volume.cluster_probes), (4, &[1][..]));
-    assert_eq!(volume.projection[2], f16::from_f32(0.125));
-    assert_eq!(volume.reconstruction[5], f16::from_f32(-0.25));
     assert_eq!(volume.fill, [[0, 1], [5, 4]]);
+    let cluster = &checked.volume_transport().unwrap().clusters[0];
+    assert_eq!((cluster.n_sky, cluster.probes), (4, &[1][..]));
+    assert_eq!(cluster.projection[2], f16::from_f32(0.125));
+    assert_eq!(cluster.reconstruction[5], f16::from_f32(-0.25));
 }
 
-/// What all files hold.
-fn assert_known_values(view: &BakedView<'_>) {
+fn assert_known_values(baked: &Baked) {
+    let view = baked.view();
     assert_eq!(view.metadata.scene_path, "minimal.glb");
     assert_eq!(view.metadata.scene_hash[31], 31);
     assert_eq!(view.metadata.bounds, [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]);
@@ -99,32 +80,23 @@ fn assert_known_values(view: &BakedView<'_>) {
     assert_eq!(view.ray_level[2], LEVEL_SKY);
     assert_eq!(view.receiver_texel, [5, 6, 9]);
     assert_eq!(view.receiver_unseen, [0.0, 0.125, 1.0]);
-    assert_eq!(view.clusters[0].n_probes, 2);
-    assert_eq!(view.cluster_probes, [0, 1]);
-    assert_eq!(view.projection[3], f16::from_f32(-0.125));
-    assert_eq!(view.reconstruction[2], f16::from_f32(-0.5));
+    assert_eq!(view.blocks.records[0].bounds, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.5]]);
+    let block = baked.block(0).unwrap();
+    assert_eq!((block.receivers, block.clusters.len()), (0..3, 1));
+    let cluster = &block.clusters[0];
+    assert_eq!((cluster.receivers.clone(), cluster.lights.clone(), cluster.probes), (0..3, 0..1, &[0, 1][..]));
+    assert_eq!((cluster.projection.len(), cluster.projection[3]), (12, f16::from_f32(-0.125)));
+    assert_eq!(cluster.reconstruction, [1.0, 0.75, -0.5].map(f16::from_f32));
     assert_eq!(view.gutters, [[4, 0], [7, 1]]);
     assert_eq!(view.seams, [[0, 2]]);
     assert_eq!(view.report, r#"{"receivers":3}"#);
 }
 
 #[test]
-fn the_file_of_version_1_2_is_written_byte_for_byte() {
-    let stored = std::fs::read(golden_1_2()).unwrap();
+fn the_file_of_version_2_0_is_written_byte_for_byte() {
+    let stored = std::fs::read(golden_2_0()).unwrap();
     assert!(stored.len() < 10_240, "{} bytes", stored.len());
     assert_eq!(stored, to_bytes(&minimal()).unwrap());
-}
-
-/// Without what is new, files differ by the minor version alone.
-#[test]
-fn files_of_earlier_versions_would_be_written_alike() {
-    for (arrays, golden, minor) in [(minimal_1_0(), golden_1_0(), 0), (minimal_1_1(), golden_1_1(), 1)] {
-        let mut written = to_bytes(&arrays).unwrap();
-        assert_eq!(written[10], 2);
-        written[10] = minor;
-        common::seal(&mut written);
-        assert_eq!(std::fs::read(golden).unwrap(), written);
-    }
 }
 
 /// Rows of the SH table must be what `sh.rs` says: the golden file holds its values as literals.
@@ -146,7 +118,7 @@ fn the_stored_sh_table_matches_the_basis() {
 #[test]
 fn an_independent_reader_agrees() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_lprt.py");
-    let output = match Command::new("python3").arg(&script).arg(golden_1_2()).output() {
+    let output = match Command::new("python3").arg(&script).arg(golden_2_0()).output() {
         Ok(output) => output,
         Err(error) => {
             eprintln!("skipped an_independent_reader_agrees: python3 does not start: {error}");
@@ -157,7 +129,7 @@ fn an_independent_reader_agrees() {
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let hash: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
     let expected = serde_json::json!({
-        "version": [1, 2],
+        "version": [2, 0],
         "tool_version": "0.1.0",
         "scene_path": "minimal.glb",
         "scene_hash": hash,
@@ -168,6 +140,7 @@ fn an_independent_reader_agrees() {
         "probes": 2,
         "rays": 6,
         "receivers": 3,
+        "blocks": 1,
         "clusters": 1,
         "cluster_lights": 1,
         "projection": 12,

@@ -11,13 +11,10 @@ import sys
 SCALARS = {1: "B", 2: "H", 3: "I", 4: "e", 5: "f"}
 KINDS = {  # kind: (scalar, components, flag)
     "META": (1, 1, 1), "PROB": (5, 4, 1), "RDIR": (5, 4, 1), "RASH": (5, 1, 1), "RAUV": (3, 1, 1), "RALV": (1, 1, 1),
-    "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "CLUS": (3, 10, 1), "CPRB": (3, 1, 1),
-    "PROJ": (4, 1, 1), "RECO": (4, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "REPT": (1, 1, 0),
-    "RADS": (4, 1, 0), "VOLU": (3, 8, 0), "VCEL": (3, 1, 0), "VCLU": (3, 10, 0), "VCPR": (3, 1, 0), "VPRJ": (4, 1, 0),
-    "VREC": (4, 1, 0), "VFIL": (3, 2, 0),
-    "NTIL": (3, 4, 1), "NNOD": (3, 1, 1), "NCNT": (1, 1, 1), "NIDX": (1, 1, 1), "NWGT": (1, 1, 1),
+    "RADS": (4, 1, 0), "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "BLOK": (3, 32, 1),
+    "BDAT": (3, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "VOLU": (3, 8, 0), "VCEL": (3, 1, 0), "VBLK": (3, 32, 0),
+    "VDAT": (3, 1, 0), "VFIL": (3, 2, 0), "REPT": (1, 1, 0),
 }
-NEAR = ["NTIL", "NNOD", "NCNT", "NIDX", "NWGT"]
 CRC_TABLE = []
 for byte in range(256):
     for _ in range(8):
@@ -43,7 +40,7 @@ def read_sections(data):
     magic, major, minor, count, length = struct.unpack_from("<8sHHIQ", data, 0)
     reserved, checksum = struct.unpack_from("<II", data, 56)
     require(2, magic == b"\x89LPR\r\n\x1a\n")
-    require(3, major == 1)
+    require(3, major == 2)
     require(4, 1 <= count <= 256)
     require(5, length == len(data))
     end = 64 + 48 * count
@@ -73,7 +70,7 @@ def read_sections(data):
             require(18, flags == 0)
             sections[kind] = None
     require(16, end == length)
-    require(21, all(kind in sections for kind, (_, _, flag) in KINDS.items() if flag and kind not in NEAR))
+    require(21, all(kind in sections for kind, (_, _, flag) in KINDS.items() if flag))
     return minor, sections
 
 
@@ -115,42 +112,67 @@ def read_volume(sections):
             "receivers": len(sections["VCEL"]), "filled": len(sections["VFIL"]) // 2}
 
 
-def near_uniform(meta, sections, outputs, n_k):
-    """Adds near light from a light map of radiance 1; returns what there is, None without any."""
-    require(80, sum(kind in sections for kind in NEAR) in (0, len(NEAR)))
-    if "NTIL" not in sections:
-        return None
-    words, nodes, counts, links, weights = (sections[kind] for kind in NEAR)
-    require(80, len(words) >= 4)
-    tiles = [words[4 * i:4 * i + 4] for i in range(len(words) // 4)]
-    require(81, len(counts) * n_k == len(outputs) and tiles[0][:3] == (0, 0, 0))
-    require(81, tiles[-1][:3] == (len(counts), len(nodes), len(links)))
-    require(86, len(weights) == n_k * len(links))
-    for node in nodes:
-        level, size = node >> 28, meta["direct_size"] >> (node >> 28)
-        require(85, 2 ** level <= meta["direct_size"] and node % 2 ** 28 < size * size)
-    for tile, following in zip(tiles, tiles[1:]):
-        require(82, 1 <= following[0] - tile[0] <= 64 and 0 <= following[1] - tile[1] <= 256)
-        scale = struct.unpack("<f", struct.pack("<I", tile[3]))[0]
-        require(84, 0 <= scale < math.inf)
-        link = tile[2]
-        for receiver in range(tile[0], following[0]):
-            for _ in range(counts[receiver]):
-                require(86, links[link] < following[1] - tile[1])
-                for k in range(n_k):
-                    code = weights[link * n_k + k]
-                    root = (code - 256 if code > 127 else code) / 127
-                    outputs[receiver * n_k + k] += scale * root * abs(root)
-                link += 1
-        require(83, link == following[2])
-    require(84, tiles[-1][3] == 0)
-    return {"tiles": len(tiles) - 1, "nodes": len(nodes), "links": len(links)}
+def read_blocks(records, words, n_k):
+    """Blocks of transport: a list of dicts of their arrays."""
+    data = struct.pack(f"<{len(words)}I", *words)
+    blocks, place = [], 0
+    for record in zip(*[iter(records)] * 32):
+        n_receivers, n_clusters, n_listed, n_lights, pairs_s_v, pairs_u, n_tiles, n_nodes, n_links, crc, low, high = record[:12]
+        require(51, low + (high << 32) == place)
+        require(53, not any(record[26:]))
+        require(54, n_tiles > 0 or n_nodes == n_links == 0)
+        counts = [("clusters", 4 * n_clusters, "I"), ("probes", n_listed, "I"), ("projection", 2 * pairs_s_v, "e"),
+                  ("reconstruction", 2 * pairs_u, "e"), ("tiles", 4 * n_tiles, "I"), ("nodes", n_nodes, "I"),
+                  ("counts", n_receivers if n_tiles else 0, "B"), ("links", n_links, "B"), ("weights", n_links * n_k, "b")]
+        first, block = place, {"receivers": n_receivers, "lights": n_lights}
+        for name, count, scalar in counts:
+            require(51, place + count * struct.calcsize(scalar) <= len(data))
+            block[name] = struct.unpack_from(f"<{count}{scalar}", data, place)
+            place += count * struct.calcsize(scalar)
+        end = (place + 255) // 256 * 256
+        require(51, end <= len(data))
+        require(87, not any(data[place:end]))
+        require(88, crc32c(data[first:end]) == crc)
+        place = end
+        blocks.append(block)
+    require(51, place == len(data))
+    return blocks
+
+
+def near_uniform(meta, blocks, outputs, n_k):
+    """Adds near light from a light map of radiance 1; returns what there is."""
+    receiver = 0
+    for block in blocks:
+        for node in block["nodes"]:
+            level, size = node >> 28, meta["direct_size"] >> (node >> 28)
+            require(85, 2 ** level <= meta["direct_size"] and node % 2 ** 28 < size * size)
+        link = counted = 0
+        for n_receivers, n_nodes, n_links, bits in zip(*[iter(block["tiles"])] * 4):
+            require(81, 1 <= n_receivers <= 64)
+            require(82, n_nodes <= 256)
+            scale = struct.unpack("<f", struct.pack("<I", bits))[0]
+            require(84, 0 <= scale < math.inf)
+            first_link = link
+            for _ in range(n_receivers):
+                for _ in range(block["counts"][counted]):
+                    require(86, block["links"][link] < n_nodes)
+                    for k in range(n_k):
+                        root = block["weights"][link * n_k + k] / 127
+                        outputs[(receiver + counted) * n_k + k] += scale * root * abs(root)
+                    link += 1
+                counted += 1
+            require(83, link == first_link + n_links)
+        require(81, counted == (block["receivers"] if block["tiles"] else 0))
+        require(83, link == len(block["links"]))
+        receiver += block["receivers"]
+    return {"tiles": sum(len(block["tiles"]) // 4 for block in blocks), "nodes": sum(len(block["nodes"]) for block in blocks),
+            "links": sum(len(block["links"]) for block in blocks)}
 
 
 def volume_uniform(meta, sections, volume):
     """SH radiance of every cell under the same light; None for a cell that holds nothing."""
     n_k = (volume["degree"] + 1) ** 2
-    outputs = relight_uniform(meta, sections, ("VCLU", "VCPR", "VPRJ", "VREC"), n_k)
+    outputs = relight_uniform(meta, sections, read_blocks(sections["VBLK"], sections["VDAT"], n_k), n_k)
     cells = [None] * math.prod(volume["dims"])
     for receiver, cell in enumerate(sections["VCEL"]):
         cells[cell] = outputs[receiver * n_k:(receiver + 1) * n_k]
@@ -159,24 +181,32 @@ def volume_uniform(meta, sections, volume):
     return cells
 
 
-def relight_uniform(meta, sections, kinds, n_k):
+def relight_uniform(meta, sections, blocks, n_k):
     """Outputs of every receiver for radiance 1 from every mapped surface and the sky, no further bounce."""
     n_rays = meta["n_rays"]
     n_sh = (meta["probe_degree"] + 1) ** 2
-    records, listed, projections, reconstructions = (sections[kind] for kind in kinds)
     table, levels = sections["RASH"], sections["RALV"]
     n_probes = len(sections["PROB"]) // 4
     radiance = [
         [sum(table[r * n_sh + j] for r in range(n_rays) if levels[p * n_rays + r] != 255) for j in range(n_sh)]
         for p in range(n_probes)]
     outputs = []
-    for c in range(len(records) // 10):
-        _, n_receivers, first_probe, n_listed, n_sky, n_c, _, projection, reconstruction, _ = records[10 * c:10 * c + 10]
-        column = [value for p in listed[first_probe:first_probe + n_listed] for value in radiance[p]]
-        column += [math.sqrt(4 * math.pi) if s == 0 else 0.0 for s in range(n_sky)]
-        s_v, u = projections[2 * projection:], reconstructions[2 * reconstruction:]
-        lights = [sum(s_v[i * len(column) + j] * value for j, value in enumerate(column)) for i in range(n_c)]
-        outputs += [sum(u[row * n_c + i] * light for i, light in enumerate(lights)) for row in range(n_receivers * n_k)]
+    for block in blocks:
+        probes = projection = reconstruction = receivers = 0
+        for n_receivers, n_listed, n_sky, n_c in zip(*[iter(block["clusters"])] * 4):
+            column = [value for p in block["probes"][probes:probes + n_listed] for value in radiance[p]]
+            column += [math.sqrt(4 * math.pi) if s == 0 else 0.0 for s in range(n_sky)]
+            s_v, u = block["projection"][projection:], block["reconstruction"][reconstruction:]
+            lights = [sum(s_v[i * len(column) + j] * value for j, value in enumerate(column)) for i in range(n_c)]
+            rows = n_receivers * n_k
+            outputs += [sum(u[row * n_c + i] * light for i, light in enumerate(lights)) for row in range(rows)]
+            probes += n_listed
+            projection += (n_c * len(column) + 1) // 2 * 2
+            reconstruction += (rows * n_c + 1) // 2 * 2
+            receivers += n_receivers
+        require(55, receivers == block["receivers"])
+        require(56, probes == len(block["probes"]))
+        require(58, (projection, reconstruction) == (len(block["projection"]), len(block["reconstruction"])))
     return outputs
 
 
@@ -187,19 +217,22 @@ def main():
     distances = sections.get("RADS") or ()
     require(40, len(distances) in (0, len(sections["RALV"])))
     require(49, all(math.copysign(1, distance) > 0 and not math.isnan(distance) for distance in distances))
-    clusters = sections["CLUS"]
     n_k = (meta["receiver_degree"] + 1) ** 2
+    blocks = read_blocks(sections["BLOK"], sections["BDAT"], n_k)
+    require(50, sum(block["receivers"] for block in blocks) == len(sections["RTEX"]))
     irradiance = near = None
     if n_k == 1:
-        outputs = relight_uniform(meta, sections, ("CLUS", "CPRB", "PROJ", "RECO"), n_k)
-        near = near_uniform(meta, sections, outputs, n_k)
+        outputs = relight_uniform(meta, sections, blocks, n_k)
+        near = near_uniform(meta, blocks, outputs, n_k)
         irradiance = [max(value, 0.0) for value in outputs]
     volume = read_volume(sections)
     print(json.dumps({
-        "version": [1, minor], **meta, "degrees": [meta[f"{name}_degree"] for name in ("probe", "receiver", "sky")],
+        "version": [2, minor], **meta, "degrees": [meta[f"{name}_degree"] for name in ("probe", "receiver", "sky")],
         "probes": len(sections["PROB"]) // 4, "rays": len(sections["RDIR"]) // 4, "receivers": len(sections["RTEX"]),
-        "clusters": len(clusters) // 10, "cluster_lights": sum(clusters[5::10]),
-        "projection": len(sections["PROJ"]), "reconstruction": len(sections["RECO"]),
+        "blocks": len(blocks), "clusters": sum(len(block["clusters"]) // 4 for block in blocks),
+        "cluster_lights": sum(block["lights"] for block in blocks),
+        "projection": sum(len(block["projection"]) for block in blocks),
+        "reconstruction": sum(len(block["reconstruction"]) for block in blocks),
         "ray_distances": len(sections.get("RADS") or ()), "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
         "report": bool(sections.get("REPT")), "irradiance": irradiance,
         "near": near, "volume": volume, "volume_radiance": volume and volume_uniform(meta, sections, volume),

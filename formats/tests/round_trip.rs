@@ -4,11 +4,12 @@ mod common;
 
 use common::{Sizes, arrays, minimal};
 use localprt_formats::{
-    Baked, BakedArrays, BakedView, NearArrays, VolumeArrays, WriteError, check, check_bytes, to_bytes, write,
+    Baked, BakedArrays, BakedView, BlockArrays, Blocks, VolumeArrays, WriteError, check, check_bytes, to_bytes, write,
 };
 use proptest::prelude::*;
 
 fn owned(view: &BakedView<'_>) -> BakedArrays {
+    let blocks = |blocks: Blocks<'_>| BlockArrays { records: blocks.records.to_vec(), data: blocks.data.to_vec() };
     BakedArrays {
         metadata: view.metadata.clone(),
         probes: view.probes.to_vec(),
@@ -21,27 +22,14 @@ fn owned(view: &BakedView<'_>) -> BakedArrays {
         receiver_position: view.receiver_position.to_vec(),
         receiver_normal: view.receiver_normal.to_vec(),
         receiver_unseen: view.receiver_unseen.to_vec(),
-        clusters: view.clusters.to_vec(),
-        cluster_probes: view.cluster_probes.to_vec(),
-        projection: view.projection.to_vec(),
-        reconstruction: view.reconstruction.to_vec(),
+        blocks: blocks(view.blocks),
         gutters: view.gutters.to_vec(),
         seams: view.seams.to_vec(),
         volume: view.volume.map(|volume| VolumeArrays {
             grid: *volume.grid,
             cells: volume.cells.to_vec(),
-            clusters: volume.clusters.to_vec(),
-            cluster_probes: volume.cluster_probes.to_vec(),
-            projection: volume.projection.to_vec(),
-            reconstruction: volume.reconstruction.to_vec(),
+            blocks: blocks(volume.blocks),
             fill: volume.fill.to_vec(),
-        }),
-        near: view.near.map(|near| NearArrays {
-            tiles: near.tiles.to_vec(),
-            nodes: near.nodes.to_vec(),
-            counts: near.counts.to_vec(),
-            links: near.links.to_vec(),
-            weights: near.weights.to_vec(),
         }),
         report: view.report.to_owned(),
     }
@@ -94,7 +82,7 @@ fn a_file_on_disk_opens_mapped_and_copied_alike() {
     assert_eq!(owned(&mapped.view()), minimal());
     assert_eq!(owned(&copied.view()), minimal());
     assert_eq!(mapped.content_hash(), copied.content_hash());
-    assert_eq!(mapped.version(), (1, 2));
+    assert_eq!(mapped.version(), (2, 0));
     assert_eq!(check(&path).unwrap(), []);
 }
 
@@ -128,7 +116,7 @@ fn a_refused_write_leaves_the_old_file_and_nothing_else() {
     let path = folder.path().join("hall.lprt");
     write(&path, &minimal()).unwrap();
     let mut broken = minimal();
-    broken.cluster_probes[1] = 2;
+    broken.blocks.records[0].n_clusters = 2000;
     let error = write(&path, &broken).unwrap_err();
     assert!(matches!(&error, WriteError::Invalid(violation) if violation.rule == 51), "{error}");
     assert_eq!(owned(&Baked::open(&path).unwrap().view()), minimal());

@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let baked = inputs::baked(Path::new(file))?;
     let scene = inputs::baked_scene(Path::new(file), baked.view().metadata, None)?;
     let caster = inputs::caster(&scene)?;
-    let subject = Subject::new(baked.view(), &caster, &progress)?;
+    let subject = Subject::new(baked.checked()?, &caster, &progress)?;
 
     // By texel, so that all files of a scene are measured at the same receivers; in file order, where neighbors are near.
     let mut by_texel: Vec<u32> = (0..subject.len() as u32).collect();

@@ -4,6 +4,7 @@ mod assemble;
 mod facts;
 mod failures;
 mod lay_out;
+mod leaf;
 mod near_tiles;
 mod write;
 
@@ -11,7 +12,7 @@ pub use write::Written;
 
 use crate::{
     budget::{self, Spent},
-    clusters::{Cluster, RefineSettings, leaves, refine},
+    clusters::RefineSettings,
     error::BakeError,
     lightmap::{Atlas, ChartPyramid, ReceiverSet, texels, texels::ReceiverMap},
     probes,
@@ -20,19 +21,18 @@ use crate::{
     relight_rays,
     report::{BakeReport, Bytes, LinkFacts, RelightFacts, VolumeFacts, peak_rss_bytes},
     settings::{BakeSettings, Transport},
-    transport::{FitScene, GatherSet, Links, NearField, RayCounts, TransportScene},
+    transport::{FitScene, GatherSet, NearField, RayCounts, TransportScene},
     volume::{self, VolumeCells},
     voxels::{self, VoxelGrid},
 };
-use assemble::{Packed, assemble};
+use assemble::{assemble, stored_blocks};
 use facts::{atlas_facts, fill_results, placement_facts, scene_facts};
 use failures::{placement_error, tree_error};
 use glam::Vec3;
 use lay_out::{LaidOut, Space, lay_out};
-use localprt_formats::{BakedArrays, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh};
+use leaf::{local_transport, stored_members};
+use localprt_formats::{BakedArrays, BlockRecord, VolumeArrays, VolumeGrid, check::MAX_VOLUME_CELLS, sh};
 use localprt_scenes::{Scene, SurfacePoint};
-use near_tiles::near_tiles;
-use rayon::prelude::*;
 
 /// What a bake makes.
 #[derive(Debug)]
@@ -159,8 +159,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         n_sh: probe_basis.len(),
         n_sky: sky_basis.len(),
     };
-    let (clusters, links, mut traced) =
-        local_transport(&transport, &refining, settings.leaf, "transport and clusters", progress)?;
+    let leaves = local_transport(&transport, &refining, settings.leaf, "transport and clusters", progress)?;
+    let mut traced = leaves.iter().map(|leaf| leaf.rays).sum::<RayCounts>();
     let volume = match &volume {
         Some(cells) => {
             let gather = GatherSet::sphere(settings.gather_rays, settings.volume_degree, settings.seed);
@@ -189,10 +189,10 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     };
     report.gather_rays = traced.gather;
     report.visibility_rays = traced.visibility;
-    fill_results(&mut report, &receivers, &probes, &support, &clusters);
+    fill_results(&mut report, &receivers, &probes, &support, &leaves);
     let mut unseen = vec![0.0; receivers.len()];
-    for cluster in &clusters {
-        cluster.members.iter().zip(&cluster.unseen).for_each(|(&member, &share)| unseen[member as usize] = share);
+    for leaf in &leaves {
+        leaf.members.iter().zip(&leaf.unseen).for_each(|(&member, &share)| unseen[member as usize] = share);
     }
     let spent = Spent {
         caster: &caster,
@@ -204,26 +204,23 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     };
     report.budget = spent.facts(settings.receivers);
     budget::warnings(&report.budget.views).iter().for_each(|warning| progress.warn(warning));
-    let stored_members: Vec<u32> = clusters.iter().flat_map(|cluster| cluster.members.iter().copied()).collect();
-    let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, clusters)?;
-    if near.is_some() {
-        let stored = stored_members.iter().map(|&member| &links[member as usize]).collect::<Vec<_>>();
-        arrays.near = Some(near_tiles(&stored, gather.n_outputs()));
-    }
-    report.links = arrays.view().near.map_or_else(LinkFacts::default, |near| LinkFacts::of(&near));
-    arrays.volume = volume;
-    report.volume = arrays.view().volume.map(|volume| VolumeFacts::of(&volume));
+    let mut arrays = assemble(&scene, settings, &layout, &receivers, &probes, rays, &leaves);
+    let counts = leaves.iter().flat_map(|leaf| leaf.block.near.counts.iter().copied());
+    report.links = LinkFacts::of(counts, receivers.len());
+    let pairs = |count: fn(&BlockRecord) -> u32| 4 * arrays.blocks.view().total(count);
     report.bytes = Bytes {
-        projection: 2 * arrays.projection.len() as u64,
-        reconstruction: 2 * arrays.reconstruction.len() as u64,
+        projection: pairs(|block| block.projection_pairs),
+        reconstruction: pairs(|block| block.reconstruction_pairs),
         relight: (16 * arrays.ray_dirs.len()
             + 4 * arrays.ray_sh.len()
             + 4 * arrays.ray_uv.len()
             + arrays.ray_level.len()
             + 2 * arrays.ray_distance.len()) as u64,
-        near_light: arrays.view().near.map_or(0, |near| near.bytes()),
+        near_light: arrays.blocks.view().near_byte_count(gather.n_outputs()),
         file: 0,
     };
+    arrays.volume = volume;
+    report.volume = arrays.view().volume.map(|volume| VolumeFacts::of(&volume));
     drop(_stage);
     report.warnings = progress.warnings();
     arrays.report = report.to_embedded_json();
@@ -240,40 +237,6 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         });
     }
     Ok(BakeOutput { arrays, unwrapped: !layout.kept, scene, report })
-}
-
-/// Clusters of all receivers in leaf order, the links of each receiver if there is near light, and the rays they cost. The rows of
-/// a leaf are made, compressed and dropped.
-fn local_transport(
-    transport: &TransportScene<'_>,
-    refining: &RefineSettings,
-    leaf: u32,
-    stage: &str,
-    progress: &Progress,
-) -> Result<(Vec<Cluster>, Vec<Links>, RayCounts), BakeError> {
-    let positions = &transport.receivers.position;
-    let stage = progress.stage(stage, positions.len() as u64);
-    let leaves = leaves(positions, leaf as usize);
-    let results: Vec<(Vec<Cluster>, Vec<Links>, RayCounts)> = leaves
-        .par_iter()
-        .map(|members| {
-            progress.check()?;
-            let mut rows = transport.rows(&transport.leaf(members), members);
-            let (rays, links) = (rows.rays, std::mem::take(&mut rows.links));
-            let clusters = refine(members, positions, rows, refining);
-            stage.inc(members.len() as u64);
-            Ok((clusters, links, rays))
-        })
-        .collect::<Result<_, BakeError>>()?;
-    let mut traced = RayCounts::default();
-    let mut clusters = Vec::new();
-    let mut links = vec![Links::default(); if transport.near.is_some() { positions.len() } else { 0 }];
-    for (members, (of_leaf, of_members, rays)) in leaves.iter().zip(results) {
-        clusters.extend(of_leaf);
-        members.iter().zip(of_members).for_each(|(&member, of_member)| links[member as usize] = of_member);
-        traced += rays;
-    }
-    Ok((clusters, links, traced))
 }
 
 /// Grid of the volume that the settings ask for.
@@ -317,16 +280,13 @@ fn volume_transport(
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
     // grows with their product.
     let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
-    let (clusters, _, rays) = local_transport(&transport, refining, leaf, "volume transport", progress)?;
-    let packed = Packed::of(clusters, "the matrices of the volume", "a larger --volume spacing")?;
+    let leaves = local_transport(&transport, refining, leaf, "volume transport", progress)?;
+    let cell = |member: u32| cells.cells[member as usize];
     let volume = VolumeArrays {
         grid: cells.grid,
-        cells: packed.members.iter().map(|&member| cells.cells[member as usize]).collect(),
-        clusters: packed.clusters,
-        cluster_probes: packed.cluster_probes,
-        projection: packed.projection,
-        reconstruction: packed.reconstruction,
+        cells: stored_members(&leaves).into_iter().map(cell).collect(),
+        blocks: stored_blocks(&leaves, |member| cells.grid.position(cell(member) as usize)),
         fill: cells.fill.clone(),
     };
-    Ok((volume, rays))
+    Ok((volume, leaves.iter().map(|leaf| leaf.rays).sum()))
 }

@@ -147,12 +147,10 @@ pub struct LinkFacts {
 }
 
 impl LinkFacts {
-    /// Of a file's near light.
-    pub fn of(near: &localprt_formats::NearView<'_>) -> Self {
-        Self {
-            mean: near.links.len() as f64 / near.counts.len().max(1) as f64,
-            max: near.counts.iter().copied().max().unwrap_or(0).into(),
-        }
+    /// Of the links of those receivers that have any.
+    pub fn of(counts: impl Iterator<Item = u8>, n_receivers: usize) -> Self {
+        let (sum, max) = counts.fold((0, 0), |(sum, max), count| (sum + u64::from(count), count.max(max)));
+        Self { mean: sum as f64 / n_receivers.max(1) as f64, max: max.into() }
     }
 }
 
@@ -286,13 +284,11 @@ impl VolumeFacts {
             receivers,
             invalid: volume.grid.n_cells() - receivers,
             filled: volume.fill.len() as u64,
-            clusters: volume.clusters.len() as u64,
+            clusters: volume.blocks.total(|block| block.n_clusters),
             bytes: (size_of_val(volume.grid)
                 + size_of_val(volume.cells)
-                + size_of_val(volume.clusters)
-                + size_of_val(volume.cluster_probes)
-                + size_of_val(volume.projection)
-                + size_of_val(volume.reconstruction)
+                + size_of_val(volume.blocks.records)
+                + size_of_val(volume.blocks.data)
                 + size_of_val(volume.fill)) as u64,
         }
     }

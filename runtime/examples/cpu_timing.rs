@@ -4,16 +4,16 @@
 //! the paper's Sponza. Medians of eleven runs.
 
 use glam::Vec3;
-use localprt_formats::Baked;
+use localprt_formats::{Baked, BlockRecord};
+use localprt_runtime::CoverageMap;
 use localprt_runtime::passes::{
     cluster_projection::cluster_projection,
     direct_lightmap::direct_lightmap,
     gutter_dilation::gutter_dilation,
     lightmap_mips::{level_sizes, lightmap_mips},
     probe_relight::probe_relight,
-    receiver_reconstruction::{receiver_irradiance, receiver_reconstruction},
+    receiver_reconstruction::{cosine_weights, receiver_irradiance, receiver_reconstruction},
 };
-use localprt_runtime::{CheckedBake, CoverageMap};
 use rayon::prelude::*;
 use std::time::Instant;
 use synthetic::{DIRECT_SIZE, Shape};
@@ -27,14 +27,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let direct_size = opened.as_ref().map_or(DIRECT_SIZE, |baked| baked.view().metadata.direct_size);
     let surface = synthetic::surface(direct_size);
     let made;
-    let view = match &opened {
-        Some(baked) => baked.view(),
+    let baked = match &opened {
+        Some(baked) => baked.checked()?,
         None => {
             made = synthetic::bake(Shape::PAPER, &surface);
-            made.view()
+            made.checked()?
         }
     };
-    let baked = CheckedBake::new(view)?;
+    let view = baked.view();
     surface.check(direct_size)?;
     let mut light_map: Vec<_> = level_sizes(direct_size).into_iter().map(CoverageMap::uncovered).collect();
     let mut probe_radiance = vec![Vec3::ZERO; baked.n_probes() * baked.n_sh()];
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         rayon::current_num_threads(),
         surface.len(),
         baked.n_receivers(),
-        view.clusters.len()
+        baked.transport().clusters.len()
     );
     let report = |name: &str, milliseconds: f64, bytes: usize| {
         let gb_per_s = bytes as f64 / milliseconds * 1e-6;
@@ -59,6 +59,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             100.0 * gb_per_s / copy
         );
     };
+    let bytes = |pairs: fn(&BlockRecord) -> u32| 4 * view.blocks.total(pairs) as usize;
+    let weights = cosine_weights(&baked);
     let texels = direct_size as usize * direct_size as usize * 16;
     let lights = cluster_lights.len() * 12;
     let ms = time(|| direct_lightmap(&surface, Some(&map), 0.95, &mut light_map[0]));
@@ -68,12 +70,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ms = time(|| probe_relight(&baked, &light_map, &[], &[], &mut probe_radiance));
     report("probe_relight", ms, view.ray_uv.len() * (5 + 64) + view.ray_sh.len() * 4);
     let ms = time(|| cluster_projection(baked.transport(), &probe_radiance, &[], &mut cluster_lights));
-    report("cluster_projection", ms, view.projection.len() * 2 + lights + probe_radiance.len() * 12);
+    report("cluster_projection", ms, bytes(|block| block.projection_pairs) + lights + probe_radiance.len() * 12);
     let ms = time(|| {
         receiver_reconstruction(baked.transport(), &cluster_lights, &mut coefficients);
-        receiver_irradiance(&baked, &coefficients, &mut irradiance);
+        receiver_irradiance(&weights, &coefficients, &mut irradiance);
     });
-    report("receiver_reconstruction", ms, view.reconstruction.len() * 2 + lights + coefficients.len() * 24);
+    report("receiver_reconstruction", ms, bytes(|block| block.reconstruction_pairs) + lights + coefficients.len() * 24);
     let ms = time(|| gutter_dilation(&baked, &irradiance, &mut map));
     report("gutter_dilation", ms, (irradiance.len() + view.gutters.len()) * 28);
     Ok(())

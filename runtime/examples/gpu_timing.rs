@@ -6,7 +6,7 @@
 //! Medians of the frames after the first three: by timestamps, or, on an adapter in software, by the clock with every
 //! pass submitted alone.
 
-use localprt_formats::{Baked, BakedView};
+use localprt_formats::{Baked, Checked};
 use localprt_runtime::gpu::{Clock, copy_bandwidth, headless};
 use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SurfaceTexels};
 use synthetic::Shape;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Some(path) = std::env::args().nth(1) {
         let baked = Baked::open(&path)?;
         let surface = synthetic::surface(baked.view().metadata.direct_size);
-        return time(&device, &queue, &path, baked.view(), &surface, (clock, copy));
+        return time(&device, &queue, &path, &baked.checked()?, &surface, (clock, copy));
     }
     for (name, shape) in [
         ("Sponza as in the paper", Shape::PAPER),
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("10 x Sponza in small clusters", Shape::OURS.times(10)),
     ] {
         let arrays = synthetic::bake(shape, &surface);
-        time(&device, &queue, name, arrays.view(), &surface, (clock, copy))?;
+        time(&device, &queue, name, &arrays.checked()?, &surface, (clock, copy))?;
     }
     Ok(())
 }
@@ -46,11 +46,11 @@ fn time(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     name: &str,
-    view: BakedView<'_>,
+    baked: &Checked<'_>,
     surface: &SurfaceTexels,
     (clock, copy): (Clock, f64),
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let mut relighter = Relighter::new(device, queue, view, RelighterOptions::default())?;
+    let mut relighter = Relighter::new(device, queue, baked, RelighterOptions::default())?;
     relighter.set_surface(surface)?;
     // (pass, milliseconds) of all frames.
     let mut times: Vec<(&'static str, f64)> = Vec::new();
@@ -81,9 +81,9 @@ fn time(
     }
     println!(
         "{name}: {} receivers, {} clusters, {} probes",
-        view.receiver_texel.len(),
-        view.clusters.len(),
-        view.probes.len()
+        baked.n_receivers(),
+        baked.transport().clusters.len(),
+        baked.n_probes()
     );
     let mut total = 0.0;
     for (pass, bytes) in relighter.traffic() {

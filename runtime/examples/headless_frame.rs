@@ -5,7 +5,9 @@
 
 use glam::Vec3;
 use half::f16;
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, directions::spherical_fibonacci};
+use localprt_formats::{
+    BakedArrays, BlockArrays, ClusterRecord, Metadata, Probe, TransportBlock, directions::spherical_fibonacci,
+};
 use localprt_runtime::{
     DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters,
     gpu::{headless, readback},
@@ -20,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // 2. The file, once.
     let arrays = white_box();
-    let mut gi = Relighter::new(&device, &queue, arrays.view(), RelighterOptions::default())?;
+    let mut gi = Relighter::new(&device, &queue, &arrays.checked()?, RelighterOptions::default())?;
 
     // 3. The scene, once: what the covered texels of the direct light map show, and what casts shadows.
     let texels = SceneTexels {
@@ -66,6 +68,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn white_box() -> BakedArrays {
     let n_rays = 64;
     let y_00 = 1.0 / (4.0 * PI).sqrt();
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 1, n_probes: 1, n_sky: 0, n_coefficients: 1 };
+    block.push(record, &[0], &[f16::from_f32(PI / (4.0 * PI).sqrt())], &[f16::ONE]);
     BakedArrays {
         metadata: Metadata { lightmap_size: 1, direct_size: 1, n_rays, ..Metadata::default() },
         probes: vec![Probe { position: [0.0; 3], support_radius_m: 1.0 }],
@@ -77,10 +82,7 @@ fn white_box() -> BakedArrays {
         receiver_position: vec![[0.0; 3]],
         receiver_normal: vec![[0.0, 1.0, 0.0]],
         receiver_unseen: vec![0.0],
-        clusters: vec![ClusterRecord { n_receivers: 1, n_probes: 1, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0],
-        projection: vec![f16::from_f32(PI / (4.0 * PI).sqrt()), f16::ZERO],
-        reconstruction: vec![f16::ONE, f16::ZERO],
+        blocks: BlockArrays::of_one(&block, &[[0.0; 3]]),
         ..BakedArrays::default()
     }
 }

@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let baked = Baked::open(file)?;
     let scene = localprt_scenes::load(scene)?;
-    let mut relighter = CpuRelighter::new(baked.view())?;
+    let mut relighter = CpuRelighter::new(baked.checked()?);
     relighter.set_scene(&scene)?;
     relighter.set_lighting(&Lighting::of_scene(&scene))?;
     for bounce in 1..=bounces {

@@ -1,6 +1,5 @@
 //! The CPU twins in sequence: the only file that knows their order.
 
-use crate::checked_bake::CheckedBake;
 use crate::coverage_map::CoverageMap;
 use crate::error::RelightError;
 use crate::occluder::{Occluder, check_occluders};
@@ -10,12 +9,13 @@ use crate::passes::gutter_dilation::gutter_dilation;
 use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
 use crate::passes::near_light::near_light;
 use crate::passes::probe_relight::probe_relight;
-use crate::passes::receiver_reconstruction::{receiver_irradiance, receiver_reconstruction};
+use crate::passes::receiver_reconstruction::{cosine_weights, receiver_irradiance, receiver_reconstruction};
 use crate::passes::volume_fill::{VolumeSampler, volume_fill};
 use crate::scene_light::{SceneLight, caster, scene_texels};
 use crate::surface::SceneTexels;
+use crate::volume::Volume;
 use glam::Vec3;
-use localprt_formats::BakedView;
+use localprt_formats::Checked;
 use localprt_scenes::{Lighting, Scene};
 use localprt_surfaces::rays::RayCaster;
 use std::{fmt, sync::Arc};
@@ -75,9 +75,9 @@ impl Relit {
     ///
     /// # Panics
     /// If `coefficients` does not have the length of the file.
-    pub fn of_coefficients(baked: &CheckedBake<'_>, coefficients: Vec<Vec3>) -> Self {
+    pub fn of_coefficients(baked: &Checked<'_>, coefficients: Vec<Vec3>) -> Self {
         let mut irradiance = vec![Vec3::ZERO; baked.n_receivers()];
-        receiver_irradiance(baked, &coefficients, &mut irradiance);
+        receiver_irradiance(&cosine_weights(baked), &coefficients, &mut irradiance);
         let mut irradiance_map = CoverageMap::uncovered(baked.view().metadata.lightmap_size);
         gutter_dilation(baked, &irradiance, &mut irradiance_map);
         Self { coefficients, irradiance, irradiance_map }
@@ -89,7 +89,10 @@ impl Relit {
 /// Results do not depend on the number of rayon threads.
 #[derive(Clone, Debug)]
 pub struct CpuRelighter<'a> {
-    baked: CheckedBake<'a>,
+    baked: Checked<'a>,
+    /// `[n_receivers]` for degree 1, else empty.
+    cosine_weights: Vec<[f32; 4]>,
+    cells: Option<Volume<'a>>,
     light_map: Vec<CoverageMap>,
     probe_radiance: Vec<Vec3>,
     cluster_lights: Vec<Vec3>,
@@ -124,37 +127,35 @@ struct VolumeLight {
 }
 
 impl<'a> CpuRelighter<'a> {
-    /// Checks the file's structure and sets all light to zero.
-    ///
-    /// # Errors
-    /// [`RelightError::Bake`].
-    pub fn new(view: BakedView<'a>) -> Result<Self, RelightError> {
-        let baked = CheckedBake::new(view)?;
+    /// All light is zero.
+    pub fn new(baked: Checked<'a>) -> Self {
+        let metadata = baked.view().metadata;
         let mut relighter = Self {
-            light_map: level_sizes(view.metadata.direct_size).into_iter().map(CoverageMap::uncovered).collect(),
+            light_map: level_sizes(metadata.direct_size).into_iter().map(CoverageMap::uncovered).collect(),
             probe_radiance: vec![Vec3::ZERO; baked.n_probes() * baked.n_sh()],
             cluster_lights: vec![Vec3::ZERO; baked.n_cluster_lights()],
             relit: Relit {
                 coefficients: vec![Vec3::ZERO; baked.n_receivers() * baked.n_k()],
                 irradiance: vec![Vec3::ZERO; baked.n_receivers()],
-                irradiance_map: CoverageMap::uncovered(view.metadata.lightmap_size),
+                irradiance_map: CoverageMap::uncovered(metadata.lightmap_size),
             },
             volume: VolumeLight::default(),
             gathers: 0,
             scene: None,
             light: Arc::default(),
+            cosine_weights: cosine_weights(&baked),
+            cells: Volume::of(&baked),
             baked,
         };
-        if let Some(volume) = relighter.baked.volume() {
-            let (transport, n_k) = (volume.transport(), volume.n_k());
+        if let (Some(cells), Some(transport)) = (&relighter.cells, relighter.baked.volume_transport()) {
             relighter.volume = VolumeLight {
-                cluster_lights: vec![Vec3::ZERO; transport.n_cluster_lights],
-                coefficients: vec![Vec3::ZERO; transport.n_receivers * n_k],
-                cells: vec![Vec3::ZERO; volume.n_cells() * n_k],
+                cluster_lights: vec![Vec3::ZERO; transport.n_lights],
+                coefficients: vec![Vec3::ZERO; transport.n_receivers * transport.n_k],
+                cells: vec![Vec3::ZERO; cells.n_cells() * transport.n_k],
             };
         }
         relighter.write_irradiance_map();
-        Ok(relighter)
+        relighter
     }
 
     /// The scene that was baked, with its lightmap coordinates: for [`CpuRelighter::set_lighting`]. Takes a while: rays find out
@@ -256,7 +257,7 @@ impl<'a> CpuRelighter<'a> {
                 return Err(RelightError::NotFinite { what, index });
             }
         }
-        check_occluders(inputs.occluders, !self.baked.ray_distance().is_empty())?;
+        check_occluders(inputs.occluders, !self.baked.view().ray_distance.is_empty())?;
         if !(0.0..=1.0).contains(&inputs.feedback_albedo_cap) {
             return Err(RelightError::AlbedoCap { found: inputs.feedback_albedo_cap });
         }
@@ -270,14 +271,19 @@ impl<'a> CpuRelighter<'a> {
 
     /// `[n_cells, n_k]` SH radiance in the cells of the volume, from the probes of the last gather; `None` without a volume.
     ///
-    /// Cells inside geometry hold the values of a valid one near by, or 0: `baked().volume()` tells by cell.
+    /// Cells inside geometry hold the values of a valid one near by, or 0: [`CpuRelighter::volume_cells`] tells by cell.
     pub fn volume(&self) -> Option<&[Vec3]> {
-        self.baked.volume().map(|_| self.volume.cells.as_slice())
+        self.cells.as_ref().map(|_| self.volume.cells.as_slice())
     }
 
     /// Light at any place of the volume; `None` without a volume.
     pub fn volume_sampler(&self) -> Option<VolumeSampler<'_>> {
-        self.baked.volume().map(|volume| VolumeSampler::new(volume, &self.volume.cells))
+        self.volume_cells().map(|cells| VolumeSampler::new(cells, &self.volume.cells))
+    }
+
+    /// Where the cells of the volume lie, and which of them hold light; `None` without a volume.
+    pub fn volume_cells(&self) -> Option<&Volume<'a>> {
+        self.cells.as_ref()
     }
 
     /// Gathers since the last reset: bounces the current light holds.
@@ -301,7 +307,7 @@ impl<'a> CpuRelighter<'a> {
     }
 
     /// The checked file.
-    pub fn baked(&self) -> &CheckedBake<'a> {
+    pub fn baked(&self) -> &Checked<'a> {
         &self.baked
     }
 
@@ -314,20 +320,18 @@ impl<'a> CpuRelighter<'a> {
         probe_relight(baked, &self.light_map, sky_rays, inputs.occluders, &mut self.probe_radiance);
         cluster_projection(baked.transport(), &self.probe_radiance, inputs.sky_sh, &mut self.cluster_lights);
         receiver_reconstruction(baked.transport(), &self.cluster_lights, &mut self.relit.coefficients);
-        if let Some(near) = baked.near() {
-            near_light(near, &self.light_map, &mut self.relit.coefficients);
-        }
-        receiver_irradiance(baked, &self.relit.coefficients, &mut self.relit.irradiance);
+        near_light(baked.transport(), &self.light_map, &mut self.relit.coefficients);
+        receiver_irradiance(&self.cosine_weights, &self.relit.coefficients, &mut self.relit.irradiance);
         self.write_irradiance_map();
         self.gathers += 1;
     }
 
     /// Lights the volume by the probes of the last gather; it feeds nothing back.
     fn light_volume(&mut self, inputs: &RelightInputs<'_>) {
-        let Some(volume) = self.baked.volume() else { return };
+        let (Some(volume), Some(transport)) = (&self.cells, self.baked.volume_transport()) else { return };
         let VolumeLight { cluster_lights, coefficients, cells } = &mut self.volume;
-        cluster_projection(volume.transport(), &self.probe_radiance, inputs.sky_sh, cluster_lights);
-        receiver_reconstruction(volume.transport(), cluster_lights, coefficients);
+        cluster_projection(transport, &self.probe_radiance, inputs.sky_sh, cluster_lights);
+        receiver_reconstruction(transport, cluster_lights, coefficients);
         volume_fill(volume, coefficients, cells);
     }
 

@@ -4,14 +4,6 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RelightError {
-    /// The arrays of the baked file contradict each other.
-    #[error("baked file, {place}: {problem}; check the file with `precompute check` and bake it again")]
-    Bake {
-        /// Array or cluster.
-        place: String,
-        /// What was found and what was allowed.
-        problem: String,
-    },
     /// The direct light map has another size than the one the relight rays were baked for.
     #[error(
         "direct light map is {found} texels wide, the file wants {expected}; build the surface texels at that size"

@@ -1,7 +1,5 @@
 #![doc = include_str!("../README.md")]
 
-pub mod checked_bake;
-pub mod checked_volume;
 pub mod coverage_map;
 pub mod cpu_relighter;
 pub mod error;
@@ -21,14 +19,13 @@ mod surface_texels;
 mod texel_sample;
 #[cfg(feature = "gpu")]
 mod transport_pages;
+pub mod volume;
 
 #[cfg(test)]
 mod test_bake;
 #[cfg(all(test, feature = "gpu"))]
 mod test_gpu;
 
-pub use checked_bake::CheckedBake;
-pub use checked_volume::{CheckedVolume, Validity};
 pub use coverage_map::CoverageMap;
 pub use cpu_relighter::{CpuRelighter, DEFAULT_FEEDBACK_ALBEDO_CAP, RelightInputs, Relit};
 pub use error::RelightError;
@@ -49,3 +46,4 @@ pub use sky::sky_sh;
 pub use surface::SceneTexels;
 pub use surface_texels::SurfaceTexels;
 pub use texel_sample::TexelSample;
+pub use volume::{Validity, Volume};

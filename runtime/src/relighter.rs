@@ -7,7 +7,6 @@ mod tests;
 
 pub use options::{DirectLight, MapPrecision, RelighterOptions, VolumeTextures};
 
-use crate::checked_bake::CheckedBake;
 use crate::error::RelightError;
 use crate::gpu::{Timestamps, storage, zeros};
 use crate::occluder::{Occluder, check_occluders};
@@ -25,8 +24,9 @@ use crate::scene_light::{caster, overrides_of, scene_texels};
 use crate::sky::sky_sh;
 use crate::surface::SceneTexels;
 use crate::transport_pages::{self, TransportPage};
+use crate::volume::Volume;
 use glam::Vec3;
-use localprt_formats::{BakedView, MAX_LEVEL};
+use localprt_formats::{Checked, MAX_LEVEL};
 use localprt_scenes::{Light, Lighting, MaterialOverride, Scene};
 
 /// Relights one baked file with compute shaders. The CPU reference of every pass is [`crate::CpuRelighter`].
@@ -84,24 +84,22 @@ impl Relighter {
     /// Uploads a file and compiles the passes. All light is zero.
     ///
     /// # Errors
-    /// [`RelightError::Bake`] if the file's arrays contradict each other, [`RelightError::Limit`] if the device is too
-    /// small for it, [`RelightError::AlbedoCap`].
+    /// [`RelightError::Limit`] if the device is too small for the file, [`RelightError::AlbedoCap`].
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
-        baked: BakedView<'_>,
+        baked: &Checked<'_>,
         options: RelighterOptions,
     ) -> Result<Self, RelightError> {
         if !(0.0..=1.0).contains(&options.feedback_albedo_cap) {
             return Err(RelightError::AlbedoCap { found: options.feedback_albedo_cap });
         }
-        let baked = CheckedBake::new(baked)?;
         let metadata = baked.view().metadata;
-        check_limits(device, &baked)?;
+        check_limits(device, baked)?;
         let light_map = LightMap::new(device, metadata.direct_size, options.light_map.format());
         let maps = ReceiverMaps::new(device, metadata.lightmap_size, baked.n_k(), options.irradiance_map.format());
         let pages = transport_pages::upload(device, baked.transport())?;
-        let probe_relight = ProbeRelightPass::new(device, &baked, &light_map);
+        let probe_relight = ProbeRelightPass::new(device, baked, &light_map);
         let transport = baked.transport();
         let n_columns = (transport.n_sh, transport.n_sky);
         Ok(Self {
@@ -109,11 +107,11 @@ impl Relighter {
             lightmap_mips: LightmapMipsPass::new(device, &light_map),
             cluster_projection: ClusterProjectionPass::new(device, &pages, &probe_relight.probe_radiance, n_columns),
             receiver_reconstruction: ReceiverReconstructionPass::new(device, &pages, baked.n_k()),
-            near_light: baked.near().map(|near| NearLightPass::new(device, near, &pages, &light_map, baked.n_k())),
-            gutter_dilation: GutterDilationPass::new(device, &baked, &pages, &maps),
-            volume: baked
-                .volume()
-                .map(|volume| GpuVolume::new(device, volume, &probe_relight.probe_radiance))
+            near_light: baked.has_near_light().then(|| NearLightPass::new(device, transport, &pages, &light_map)),
+            gutter_dilation: GutterDilationPass::new(device, baked, &pages, &maps),
+            volume: Volume::of(baked)
+                .zip(baked.volume_transport())
+                .map(|(cells, transport)| GpuVolume::new(device, &cells, transport, &probe_relight.probe_radiance))
                 .transpose()?,
             probes: storage(device, "probes", bytemuck::cast_slice(baked.view().probes)),
             direct_pass: None,
@@ -131,7 +129,7 @@ impl Relighter {
                 n_rays: baked.n_rays(),
                 n_k: baked.n_k(),
                 n_light_map_rays: baked.view().ray_level.iter().filter(|level| **level <= MAX_LEVEL).count() as u64,
-                has_distances: !baked.ray_distance().is_empty(),
+                has_distances: !baked.view().ray_distance.is_empty(),
             },
             probe_relight,
             light_map,
@@ -151,10 +149,9 @@ impl Relighter {
     /// is set.
     ///
     /// # Errors
-    /// [`RelightError::Scene`], [`RelightError::Bake`], and those of [`Relighter::set_texels`].
-    pub fn set_scene(&mut self, scene: &Scene, baked: &BakedView<'_>) -> Result<(), RelightError> {
-        CheckedBake::new(*baked)?;
-        let texels = scene_texels(&caster(scene)?, baked);
+    /// [`RelightError::Scene`], and those of [`Relighter::set_texels`].
+    pub fn set_scene(&mut self, scene: &Scene, baked: &Checked<'_>) -> Result<(), RelightError> {
+        let texels = scene_texels(&caster(scene)?, baked.view());
         self.set_texels(&texels, &ShadowCasters::of_scene(scene))?;
         self.materials = scene.materials.iter().map(|material| material.name.clone()).collect();
         self.set_lighting(&Lighting::default())
@@ -504,7 +501,7 @@ impl Relighter {
 }
 
 /// What cannot be paged.
-fn check_limits(device: &wgpu::Device, baked: &CheckedBake<'_>) -> Result<(), RelightError> {
+fn check_limits(device: &wgpu::Device, baked: &Checked<'_>) -> Result<(), RelightError> {
     let limits = device.limits();
     let metadata = baked.view().metadata;
     let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);

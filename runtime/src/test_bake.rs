@@ -7,7 +7,8 @@ use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform, spherical_fibonacci};
 use localprt_formats::sh::{Basis, function_count};
 use localprt_formats::{
-    BakedArrays, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid, node_at,
+    BakedArrays, BlockArrays, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, Probe, TransportBlock,
+    VolumeArrays, VolumeGrid, node_at,
 };
 
 /// Relight rays of the bakes here.
@@ -51,64 +52,86 @@ pub fn pack_uv([u, v]: [f32; 2]) -> u32 {
 
 /// A closed box: two probes see covered surface everywhere, the 16 receivers of a 4 x 4 map get the mean of both.
 ///
-/// The direct map has 8 x 8 texels, rays read levels 0 to 4. The transport of irradiance from a constant radiance is
+/// The direct map has 8 x 8 texels, rays read levels 0 to 3. The transport of irradiance from a constant radiance is
 /// [`furnace_gain`] times pi.
 pub fn furnace(probe_degree: u32) -> BakedArrays {
     let mut arrays = rays(2, probe_degree, 8, |d| [0.5 * d.x + 0.5, 0.5 * d.y + 0.5]);
-    arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 5) as u8);
+    arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 4) as u8);
     let n_sh = function_count(probe_degree);
     let mut projection = vec![f16::ZERO; 2 * n_sh];
     projection[0] = furnace_weight();
     projection[n_sh] = furnace_weight();
-    arrays.projection = projection;
-    arrays.reconstruction = vec![f16::ONE; 16];
     arrays.receiver_texel = (0..16).collect();
     arrays.receiver_position = vec![[0.0; 3]; 16];
     arrays.receiver_normal = vec![[0.0, 1.0, 0.0]; 16];
     arrays.receiver_unseen = vec![0.0; 16];
-    arrays.cluster_probes = vec![0, 1];
-    arrays.clusters = vec![ClusterRecord { n_receivers: 16, n_probes: 2, n_coefficients: 1, ..Default::default() }];
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 16, n_probes: 2, n_sky: 0, n_coefficients: 1 };
+    block.push(record, &[0, 1], &projection, &[f16::ONE; 16]);
+    arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position);
     arrays
+}
+
+/// The blocks of a file, owned.
+pub fn blocks(arrays: &BakedArrays) -> Vec<TransportBlock> {
+    let view = arrays.blocks.view();
+    (0..view.records.len()).map(|block| view.to_block(block, arrays.metadata.n_k()).unwrap()).collect()
+}
+
+/// Stores blocks in place of those of the file.
+pub fn set_blocks(arrays: &mut BakedArrays, blocks: &[TransportBlock]) {
+    arrays.blocks = BlockArrays::default();
+    let mut first = 0;
+    for block in blocks {
+        let end = first + block.n_receivers();
+        arrays.blocks.push(block, &arrays.receiver_position[first..end]);
+        first = end;
+    }
+}
+
+/// Changes the first block of a file.
+pub fn change_block(arrays: &mut BakedArrays, change: impl FnOnce(&mut TransportBlock)) {
+    let mut all = blocks(arrays);
+    change(&mut all[0]);
+    set_blocks(arrays, &all);
 }
 
 /// The same file with near light: some links for every receiver, to any node.
 pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
-    let (n_receivers, n_k) = (arrays.receiver_texel.len(), arrays.metadata.n_k());
+    let n_k = arrays.metadata.n_k();
     let sizes = level_sizes(arrays.metadata.direct_size);
-    let mut near = NearArrays::default();
     let random = |stream: u64, i: usize| counter_hash(77, stream, i as u64) as u32;
-    let mut receiver = 0;
-    while receiver < n_receivers {
-        let in_tile = (1 + random(0, receiver) as usize % NEAR_TILE as usize).min(n_receivers - receiver);
-        let n_nodes = 1 + random(1, receiver) % NEAR_NODES;
-        near.tiles.push(NearTile {
-            first_receiver: receiver as u32,
-            first_node: near.nodes.len() as u32,
-            first_link: near.links.len() as u32,
-            scale: 0.5,
-        });
-        for _ in 0..n_nodes {
-            let level = random(2, near.nodes.len()) % sizes.len() as u32;
-            let size = sizes[level as usize];
-            near.nodes.push(node_at(level, random(3, near.nodes.len()) % (size * size)));
-        }
-        for _ in 0..in_tile {
-            let count = random(4, receiver) % 6;
-            near.counts.push(count as u8);
-            for _ in 0..count {
-                near.weights.extend((0..n_k).map(|k| random(5, near.links.len() * n_k + k) as i8));
-                near.links.push((random(6, near.links.len()) % n_nodes) as u8);
+    let mut all = blocks(&arrays);
+    let (mut receiver, mut n_links, mut n_all_nodes) = (0, 0, 0);
+    for block in &mut all {
+        let end = receiver + block.n_receivers();
+        let mut near = NearArrays::default();
+        while receiver < end {
+            let in_tile = (1 + random(0, receiver) as usize % NEAR_TILE as usize).min(end - receiver);
+            let n_nodes = 1 + random(1, receiver) % NEAR_NODES;
+            for _ in 0..n_nodes {
+                let level = random(2, n_all_nodes) % sizes.len() as u32;
+                let size = sizes[level as usize];
+                near.nodes.push(node_at(level, random(3, n_all_nodes) % (size * size)));
+                n_all_nodes += 1;
             }
-            receiver += 1;
+            let first = near.links.len();
+            for _ in 0..in_tile {
+                let count = random(4, receiver) % 6;
+                near.counts.push(count as u8);
+                for _ in 0..count {
+                    near.weights.extend((0..n_k).map(|k| random(5, n_links * n_k + k) as i8));
+                    near.links.push((random(6, n_links) % n_nodes) as u8);
+                    n_links += 1;
+                }
+                receiver += 1;
+            }
+            let in_links = (near.links.len() - first) as u32;
+            near.tiles.push(NearTile { n_receivers: in_tile as u32, n_nodes, n_links: in_links, scale: 0.5 });
         }
+        block.near = near;
     }
-    near.tiles.push(NearTile {
-        first_receiver: n_receivers as u32,
-        first_node: near.nodes.len() as u32,
-        first_link: near.links.len() as u32,
-        scale: 0.0,
-    });
-    arrays.near = Some(near);
+    set_blocks(&mut arrays, &all);
     arrays
 }
 
@@ -140,16 +163,18 @@ pub fn furnace_volume(probe_degree: u32, degree: u32) -> BakedArrays {
         row[0] = f16::ONE;
         row[3] = f16::from_f32(0.25 * cell as f32);
     }
-    arrays.volume = Some(VolumeArrays {
-        grid: VolumeGrid { origin: [-1.0, 0.0, 1.0], spacing_m: 1.0, dims: [2, 2, 2], degree },
-        cells,
-        clusters: vec![ClusterRecord { n_receivers: 6, n_probes: 2, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0, 1],
-        projection,
-        reconstruction,
-        fill: vec![[0, 4]],
-    });
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 6, n_probes: 2, n_sky: 0, n_coefficients: 1 };
+    block.push(record, &[0, 1], &projection, &reconstruction);
+    let grid = VolumeGrid { origin: [-1.0, 0.0, 1.0], spacing_m: 1.0, dims: [2, 2, 2], degree };
+    arrays.volume = Some(volume(grid, cells, &block, vec![[0, 4]]));
     arrays
+}
+
+/// A volume of one block.
+pub fn volume(grid: VolumeGrid, cells: Vec<u32>, block: &TransportBlock, fill: Vec<[u32; 2]>) -> VolumeArrays {
+    let positions: Vec<_> = cells.iter().map(|&cell| grid.position(cell as usize)).collect();
+    VolumeArrays { grid, blocks: BlockArrays::of_one(block, &positions), cells, fill }
 }
 
 /// Half of `pi / (sqrt(4 pi))`, rounded to f16: two probes with `lambda_00 = sqrt(4 pi) L` give `pi L`.
@@ -162,56 +187,36 @@ pub fn furnace_gain() -> f64 {
     f64::from(furnace_weight()) * 4.0 / std::f64::consts::PI.sqrt()
 }
 
-/// A bake of random weights: several clusters of odd sizes with and without sky, one that sees nothing, one receiver
-/// without cluster at the end.
+/// A bake of random weights: several clusters of odd sizes with and without sky, one that sees nothing, in two blocks.
 pub fn random(probe_degree: u32, receiver_degree: u32, sky_degree: u32) -> BakedArrays {
     let mut arrays = rays(5, probe_degree, 8, |d| [0.5 * d.x + 0.5, 0.5 * d.z + 0.5]);
     arrays.metadata.receiver_degree = receiver_degree;
     arrays.metadata.sky_degree = sky_degree;
-    let (n_sh, n_k, n_sky) = (arrays.metadata.n_sh(), arrays.metadata.n_k(), arrays.metadata.n_sky());
+    let (n_sh, n_k, n_sky) = (arrays.metadata.n_sh(), arrays.metadata.n_k(), arrays.metadata.n_sky() as u32);
     let mut counter = 0;
-    let mut weight = || {
-        counter += 1;
-        f16::from_f64(counter_uniform(7, 0, counter) - 0.5)
+    let mut weights = |len: usize| -> Vec<f16> {
+        let first = counter;
+        counter += len as u64;
+        (first..counter).map(|at| f16::from_f64(counter_uniform(7, 0, at + 1) - 0.5)).collect()
     };
-    let mut first_light = 0;
-    for (n_receivers, probes, n_sky, n_coefficients) in
-        [(3u32, vec![4u32, 0, 2], n_sky, 3u32), (2, vec![], 0, 0), (5, vec![1], 0, 1), (1, vec![], n_sky, 2)]
+    let mut blocks = vec![TransportBlock::default(); 2];
+    for (block, n_receivers, probes, n_sky, n_coefficients) in
+        [(0, 3u32, &[0u32, 2, 4][..], n_sky, 3u32), (0, 2, &[], 0, 0), (1, 5, &[1], 0, 1), (1, 1, &[], n_sky, 2)]
     {
-        let record = ClusterRecord {
-            first_receiver: arrays.receiver_texel.len() as u32,
-            n_receivers,
-            first_probe: arrays.cluster_probes.len() as u32,
-            n_probes: probes.len() as u32,
-            n_sky: n_sky as u32,
-            n_coefficients,
-            first_light,
-            projection_pair: (arrays.projection.len() / 2) as u32,
-            reconstruction_pair: (arrays.reconstruction.len() / 2) as u32,
-            reserved: 0,
-        };
-        first_light += n_coefficients;
-        let n_columns = probes.len() * n_sh + n_sky;
-        fill_block(&mut arrays.projection, n_coefficients as usize * n_columns, &mut weight);
-        fill_block(&mut arrays.reconstruction, n_receivers as usize * n_k * n_coefficients as usize, &mut weight);
-        arrays.cluster_probes.extend(probes);
-        arrays.receiver_texel.extend(record.first_receiver..record.first_receiver + n_receivers);
-        arrays.clusters.push(record);
+        let n_columns = probes.len() * n_sh + n_sky as usize;
+        let record = ClusterRecord { n_receivers, n_probes: probes.len() as u32, n_sky, n_coefficients };
+        let projection = weights(n_coefficients as usize * n_columns);
+        let reconstruction = weights(n_receivers as usize * n_k * n_coefficients as usize);
+        blocks[block].push(record, probes, &projection, &reconstruction);
     }
-    arrays.receiver_texel.push(15);
-    let n_receivers = arrays.receiver_texel.len();
-    arrays.receiver_normal =
-        (0..n_receivers).map(|receiver| spherical_fibonacci(receiver as u32, n_receivers as u32)).collect();
-    arrays.receiver_position = vec![[0.0; 3]; n_receivers];
-    arrays.receiver_unseen = vec![0.0; n_receivers];
+    let n_receivers = 11;
+    arrays.receiver_texel = (0..n_receivers).collect();
+    arrays.receiver_normal = (0..n_receivers).map(|receiver| spherical_fibonacci(receiver, n_receivers)).collect();
+    arrays.receiver_position = vec![[0.0; 3]; n_receivers as usize];
+    arrays.receiver_unseen = vec![0.0; n_receivers as usize];
     arrays.gutters = vec![[13, 0], [14, 4]];
+    set_blocks(&mut arrays, &blocks);
     arrays
-}
-
-fn fill_block(array: &mut Vec<f16>, len: usize, weight: &mut impl FnMut() -> f16) {
-    array.extend((0..len).map(|_| weight()));
-    // Padding to pairs that must never be read: it would show.
-    array.extend((len % 2 == 1).then_some(f16::NAN));
 }
 
 /// Repeatable colours in -0.5..0.5.

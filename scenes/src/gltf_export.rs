@@ -6,7 +6,7 @@
 mod images;
 mod texture_transform;
 
-use crate::lighting::{Light, LightKind};
+use crate::light::{Light, LightKind};
 use crate::scene::{AlphaMode, Camera, LightmapWish, Material, Mesh, Scene, Texture, TextureRef, Wrap};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 use gltf::json::{accessor, buffer, mesh, texture};

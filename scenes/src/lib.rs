@@ -8,13 +8,15 @@ pub mod builtin;
 mod color;
 pub mod gltf_export;
 pub mod gltf_import;
+pub mod light;
 pub mod lighting;
 pub mod scene;
 
 pub use color::luminance;
 pub use gltf_export::{ExportError, export_glb};
 pub use gltf_import::{Limits, LoadError, LoadErrorKind, load, load_bytes, load_within};
-pub use lighting::{Incident, Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
+pub use light::{Incident, Light, LightKind};
+pub use lighting::{Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{
     AlphaMode, Camera, FaceId, Image, LightmapWish, Material, Mesh, Scene, SurfacePoint, Texture, TextureRef, Wrap,
 };

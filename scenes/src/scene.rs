@@ -1,6 +1,6 @@
 //! The scene as the bake sees it: triangles in world space, materials, textures, lights and cameras.
 
-use crate::lighting::Light;
+use crate::light::Light;
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 
 /// A whole scene. Every mesh is one primitive of one node, already in world space.

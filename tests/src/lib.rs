@@ -8,7 +8,7 @@ use localprt_precompute::{
     settings::{BakeSettings, Transport},
 };
 use localprt_runtime::{
-    CheckedBake, CpuRelighter, DirectLight, Relighter, RelighterOptions, Relit,
+    CpuRelighter, DirectLight, Relighter, RelighterOptions, Relit,
     gpu::headless,
     scene_light::{scene_texels, traced_irradiance},
 };
@@ -47,7 +47,7 @@ pub fn irradiance(baked: &BakeOutput, lighting: &Lighting, bounces: u32) -> Vec<
 
 /// What `look` finds in the light after `bounces` gathers.
 pub fn relit<T>(baked: &BakeOutput, lighting: &Lighting, bounces: u32, look: impl FnOnce(&CpuRelighter<'_>) -> T) -> T {
-    let mut relighter = CpuRelighter::new(baked.arrays.view()).expect("consistent arrays");
+    let mut relighter = CpuRelighter::new(baked.arrays.checked().expect("consistent arrays"));
     relighter.set_scene(&baked.scene).expect("tree");
     relighter.set_lighting(lighting).expect("a scene is set");
     for _ in 0..bounces {
@@ -74,14 +74,15 @@ pub fn irradiance_on_gpu(
     };
     let scene = &baked.scene;
     let caster = RayCaster::new(scene).expect("tree");
-    let view = baked.arrays.view();
-    let mut relighter = Relighter::new(&device, &queue, view, RelighterOptions::default()).expect("room on the device");
-    relighter.set_scene(scene, &view).expect("a scene that fits");
+    let checked = baked.arrays.checked().expect("consistent arrays");
+    let mut relighter =
+        Relighter::new(&device, &queue, &checked, RelighterOptions::default()).expect("room on the device");
+    relighter.set_scene(scene, &checked).expect("a scene that fits");
     relighter.set_lighting(lighting).expect("a lighting of the scene");
     let direct = if shadow_maps {
         DirectLight::Lights
     } else {
-        let texels = scene_texels(&caster, &view);
+        let texels = scene_texels(&caster, checked.view());
         let direct = traced_irradiance(&caster, &texels, &lighting.lights);
         relighter.set_direct(&direct).expect("one per texel");
         DirectLight::Irradiance
@@ -92,7 +93,6 @@ pub fn irradiance_on_gpu(
         queue.submit([encoder.finish()]);
     }
     let coefficients = relighter.read_coefficients().expect("a device that answers");
-    let checked = CheckedBake::new(view).expect("consistent arrays");
     Some(Relit::of_coefficients(&checked, coefficients).irradiance)
 }
 

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 use localprt_formats::{Baked, LEVEL_SKY, check, write};
-use localprt_runtime::CpuRelighter;
 use localprt_scenes::{Lighting, export_glb, load};
 use localprt_tests::{bake, irradiance, mean, scene, small_settings};
 
@@ -15,7 +14,7 @@ fn a_written_bake_opens_to_the_same_light() {
     assert_eq!(check(&path).expect("readable"), []);
     let opened = Baked::open(&path).expect("opens");
     assert_eq!(opened.view().receiver_texel, baked.arrays.receiver_texel);
-    assert!(CpuRelighter::new(opened.view()).is_ok());
+    assert!(opened.checked().is_ok());
 }
 
 #[test]

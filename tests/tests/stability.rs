@@ -34,7 +34,7 @@ fn roughness(baked: &BakeOutput, points: TexelPoints) -> (f64, f64) {
     }
     let mut lighting = Lighting::of_scene(&baked.scene);
     let start = lighting.lights[0].position;
-    let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
+    let mut relighter = CpuRelighter::new(baked.arrays.checked().expect("consistent arrays"));
     let frames: Vec<Vec<Vec3>> = (0..FRAMES)
         .map(|frame| {
             lighting.lights[0].position = start + Vec3::new(STEP_M * frame as f32, 0.0, 0.5 * STEP_M * frame as f32);

@@ -38,7 +38,8 @@ fn state(baked: &BakeOutput) -> State {
 fn findings(baked: &BakeOutput, settings: &MeasureSettings, sweeps: &[(&str, &[&str])]) -> Findings {
     let caster = RayCaster::new(&baked.scene).expect("a tree");
     let progress = Progress::silent();
-    let subject = Subject::new(baked.arrays.view(), &caster, &progress).expect("the scene fits the file");
+    let subject = Subject::new(baked.arrays.checked().expect("consistent arrays"), &caster, &progress)
+        .expect("the scene fits the file");
     let sweeps: Vec<Sweep> = sweeps
         .iter()
         .map(|(option, values)| {
@@ -127,7 +128,8 @@ fn viewpoints_stand_in_the_open_and_differ() {
     let settings = BakeSettings { probes: Some(24), lightmap: Some(64), ..small_settings() };
     let baked = bake(room, &settings);
     let caster = RayCaster::new(&baked.scene).expect("a tree");
-    let subject = Subject::new(baked.arrays.view(), &caster, &Progress::silent()).expect("the scene fits the file");
+    let subject = Subject::new(baked.arrays.checked().expect("consistent arrays"), &caster, &Progress::silent())
+        .expect("the scene fits the file");
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| {
@@ -243,7 +245,9 @@ fn a_file_of_another_scene_is_refused() {
         *position *= 1.25;
     }
     let caster = RayCaster::new(&moved).expect("a tree");
-    let refused = Subject::new(baked.arrays.view(), &caster, &Progress::silent()).err().expect("another scene");
+    let refused = Subject::new(baked.arrays.checked().expect("consistent arrays"), &caster, &Progress::silent())
+        .err()
+        .expect("another scene");
     assert!(refused.to_string().contains("does not fit its scene"), "{refused}");
     // All receivers are measured where there are no more than asked for.
     assert_eq!(sample(5, 300, 1).len(), 5);

@@ -17,7 +17,7 @@ fn the_volume_of_the_furnace_settles_at_the_light_of_its_surface() {
         let expected = furnace_irradiance(None) as f32;
         relit(&baked, &Lighting::of_scene(&baked.scene), 20, |gi| {
             let sampler = gi.volume_sampler().expect("a volume");
-            let grid = *gi.baked().volume().expect("a volume").grid();
+            let grid = *gi.volume_cells().expect("a volume").grid();
             let mut found = Vec::new();
             for cell in 0..grid.n_cells() as usize {
                 for normal in [Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::new(0.48, -0.6, 0.64)] {
@@ -62,7 +62,7 @@ fn a_constant_sky_is_radiance_without_direction() {
     let baked = bake(two_specks(), &settings);
     let sky = Vec3::new(0.5, 1.0, 2.0);
     relit(&baked, &Lighting { sky: Sky::Constant(sky), ..Lighting::default() }, 1, |gi| {
-        let volume = gi.baked().volume().expect("a volume");
+        let volume = gi.volume_cells().expect("a volume");
         assert_eq!(volume.grid().dims, [3, 3, 3]);
         let cells = gi.volume().expect("a volume");
         let mut n_valid = 0;
@@ -100,7 +100,7 @@ fn stays_exactly_dark(transport: Transport) {
     assert!(lighting.lights[0].position.x < 0.0);
     let lit = mean(irradiance(&baked, &lighting, 3));
     relit(&baked, &lighting, 3, |gi| {
-        let volume = gi.baked().volume().expect("a volume");
+        let volume = gi.volume_cells().expect("a volume");
         let (mut n_lit, mut n_dark) = (0, 0);
         for (cell, values) in gi.volume().expect("a volume").chunks_exact(4).enumerate() {
             let x = volume.grid().position(cell)[0];

@@ -5,25 +5,34 @@ use half::f16;
 use localprt_formats::directions::{counter_hash, counter_uniform};
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
 use localprt_formats::{
-    BakedArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, NearArrays, NearTile, Probe, VolumeArrays, VolumeGrid,
+    BakedArrays, BlockArrays, ClusterRecord, LEVEL_BLACK, LEVEL_SKY, Metadata, NearArrays, NearTile, Probe,
+    TransportBlock, VolumeArrays, VolumeGrid,
 };
-
-/// What version 1.0 could hold of [`minimal`].
-pub fn minimal_1_0() -> BakedArrays {
-    BakedArrays { ray_distance: Vec::new(), volume: None, ..minimal_1_1() }
-}
-
-/// What version 1.1 could hold of [`minimal`].
-pub fn minimal_1_1() -> BakedArrays {
-    BakedArrays { near: None, ..minimal() }
-}
 
 /// Two probes, three receivers, one cluster, six rays, degree 1. All numbers are literals, so that every machine makes
 /// the same bytes.
 pub fn minimal() -> BakedArrays {
     // Y_0 and Y_1 of the six axis directions, times 4 pi / 6.
     let (y0, y1) = (0.590_817_9, 1.023_326_7);
-    let f16s = |values: &[f32]| values.iter().map(|value| f16::from_f32(*value)).collect();
+    let f16s = |values: &[f32]| values.iter().map(|value| f16::from_f32(*value)).collect::<Vec<_>>();
+    let cluster = |n_receivers, n_probes| ClusterRecord { n_receivers, n_probes, n_sky: 4, n_coefficients: 1 };
+    let positions = [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]];
+    let mut block = TransportBlock::default();
+    let projection = f16s(&[0.5, 0.25, 0.0, -0.125, 0.5, 0.25, 0.0, 0.125, 1.0, 0.5, 0.0, 0.0]);
+    block.push(cluster(3, 2), &[0, 1], &projection, &f16s(&[1.0, 0.75, -0.5]));
+    block.near = NearArrays {
+        tiles: vec![tile(2, 2, 3, 0.5), tile(1, 0, 0, 0.25)],
+        nodes: vec![13, 1 << 28 | 5],
+        counts: vec![2, 1, 0],
+        links: vec![0, 1, 1],
+        weights: vec![127, 64, -32],
+    };
+    let grid = VolumeGrid { origin: [-0.5, 0.25, 0.0], spacing_m: 0.5, dims: [3, 2, 1], degree: 1 };
+    let cells = [4, 1];
+    let mut of_volume = TransportBlock::default();
+    let projection = f16s(&[0.25, 0.0, 0.125, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    let reconstruction = f16s(&[1.0, 0.0, 0.5, 0.0, 0.75, -0.25, 0.0, 0.0]);
+    of_volume.push(cluster(2, 1), &[1], &projection, &reconstruction);
     BakedArrays {
         metadata: Metadata {
             tool_version: "0.1.0".into(),
@@ -59,49 +68,56 @@ pub fn minimal() -> BakedArrays {
         ray_level: vec![0, LEVEL_BLACK, LEVEL_SKY, 1, 2, 3, 0, 1, LEVEL_SKY, 1, 0, 2],
         ray_distance: f16s(&[1.5, 0.5, f32::INFINITY, 1.0, 1.0, 1.0, 0.5, 1.5, f32::INFINITY, 1.0, 0.0, 65504.0]),
         receiver_texel: vec![5, 6, 9],
-        receiver_position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
+        receiver_position: positions.to_vec(),
         receiver_normal: vec![[0.0, 1.0, 0.0]; 3],
         receiver_unseen: vec![0.0, 0.125, 1.0],
-        clusters: vec![ClusterRecord {
-            n_receivers: 3,
-            n_probes: 2,
-            n_sky: 4,
-            n_coefficients: 1,
-            ..ClusterRecord::default()
-        }],
-        cluster_probes: vec![0, 1],
-        projection: f16s(&[0.5, 0.25, 0.0, -0.125, 0.5, 0.25, 0.0, 0.125, 1.0, 0.5, 0.0, 0.0]),
-        reconstruction: f16s(&[1.0, 0.75, -0.5, 0.0]),
+        blocks: BlockArrays::of_one(&block, &positions),
         gutters: vec![[4, 0], [7, 1]],
         seams: vec![[0, 2]],
         volume: Some(VolumeArrays {
-            grid: VolumeGrid { origin: [-0.5, 0.25, 0.0], spacing_m: 0.5, dims: [3, 2, 1], degree: 1 },
-            cells: vec![4, 1],
-            clusters: vec![ClusterRecord {
-                n_receivers: 2,
-                n_probes: 1,
-                n_sky: 4,
-                n_coefficients: 1,
-                ..ClusterRecord::default()
-            }],
-            cluster_probes: vec![1],
-            projection: f16s(&[0.25, 0.0, 0.125, 0.0, 1.0, 0.0, 0.0, 0.0]),
-            reconstruction: f16s(&[1.0, 0.0, 0.5, 0.0, 0.75, -0.25, 0.0, 0.0]),
+            grid,
+            cells: cells.to_vec(),
+            blocks: BlockArrays::of_one(&of_volume, &cells.map(|cell| grid.position(cell as usize))),
             fill: vec![[0, 1], [5, 4]],
-        }),
-        near: Some(NearArrays {
-            tiles: vec![tile(0, 0, 0, 0.5), tile(2, 2, 3, 0.25), tile(3, 2, 3, 0.0)],
-            nodes: vec![13, 1 << 28 | 5],
-            counts: vec![2, 1, 0],
-            links: vec![0, 1, 1],
-            weights: vec![127, 64, -32],
         }),
         report: r#"{"receivers":3}"#.into(),
     }
 }
 
-fn tile(first_receiver: u32, first_node: u32, first_link: u32, scale: f32) -> NearTile {
-    NearTile { first_receiver, first_node, first_link, scale }
+fn tile(n_receivers: u32, n_nodes: u32, n_links: u32, scale: f32) -> NearTile {
+    NearTile { n_receivers, n_nodes, n_links, scale }
+}
+
+/// Changes a block of the lightmap's transport and stores all blocks anew.
+pub fn change_block(arrays: &mut BakedArrays, index: usize, change: impl FnOnce(&mut TransportBlock)) {
+    let n_k = arrays.metadata.n_k();
+    arrays.blocks = changed(&arrays.blocks, index, n_k, &arrays.receiver_position, change);
+}
+
+/// The same of the volume's transport.
+pub fn change_volume_block(volume: &mut VolumeArrays, index: usize, change: impl FnOnce(&mut TransportBlock)) {
+    let positions: Vec<_> = volume.cells.iter().map(|&cell| volume.grid.position(cell as usize)).collect();
+    volume.blocks = changed(&volume.blocks, index, volume.grid.n_k(), &positions, change);
+}
+
+fn changed(
+    blocks: &BlockArrays,
+    index: usize,
+    n_k: usize,
+    positions: &[[f32; 3]],
+    change: impl FnOnce(&mut TransportBlock),
+) -> BlockArrays {
+    let mut all: Vec<TransportBlock> =
+        (0..blocks.records.len()).map(|at| blocks.view().to_block(at, n_k).expect("a sound block")).collect();
+    let counts: Vec<usize> = blocks.records.iter().map(|record| record.n_receivers as usize).collect();
+    change(&mut all[index]);
+    let mut stored = BlockArrays::default();
+    let mut first = 0;
+    for (block, count) in all.iter().zip(counts) {
+        stored.push(block, &positions[first..first + count]);
+        first += count;
+    }
+    stored
 }
 
 /// Sizes of generated arrays.
@@ -169,93 +185,80 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
         metadata,
         ..BakedArrays::default()
     };
-    let n_k = out.metadata.n_k() as u32;
-    let set = clusters(sizes, &out.metadata, n_k, 0);
-    (out.clusters, out.cluster_probes, out.projection, out.reconstruction) = set;
+    // Two clusters to a block. Every third file has near light.
+    let n_k = out.metadata.n_k();
+    out.blocks = blocks(sizes, &out.metadata, n_k, 0, &out.receiver_position, seed.is_multiple_of(3));
     // Every other file has a volume, with clusters of the same sizes.
     if seed.is_multiple_of(2) {
         let degree = 1 + (seed / 2 % 2) as u32;
         let grid = VolumeGrid { origin: point(14, 0), spacing_m: 0.25, dims: [3, n_receivers + 1, 2], degree };
-        let (clusters, cluster_probes, projection, reconstruction) =
-            clusters(sizes, &out.metadata, grid.n_k() as u32, 1000);
-        let cells = (0..n_receivers).map(|i| 2 * i + 1).collect();
+        let cells: Vec<u32> = (0..n_receivers).map(|i| 2 * i + 1).collect();
+        let positions: Vec<_> = cells.iter().map(|&cell| grid.position(cell as usize)).collect();
+        let blocks = blocks(sizes, &out.metadata, grid.n_k(), 1000, &positions, false);
         let fill = if n_receivers > 0 { vec![[0, 1], [2, 1]] } else { Vec::new() };
-        out.volume = Some(VolumeArrays { grid, cells, clusters, cluster_probes, projection, reconstruction, fill });
-    }
-    // Every third has near light: a tile for every receiver, some nodes in each, links to all of them.
-    if seed.is_multiple_of(3) {
-        out.near = Some(near(seed, &out.metadata, n_receivers));
+        out.volume = Some(VolumeArrays { grid, cells, blocks, fill });
     }
     out
 }
 
-fn near(seed: u64, metadata: &Metadata, n_receivers: u32) -> NearArrays {
+/// A tile for every receiver, some nodes in each, links to all of them.
+fn near(seed: u64, metadata: &Metadata, receivers: std::ops::Range<u32>) -> NearArrays {
     let mut near = NearArrays::default();
     let n_k = metadata.n_k();
-    for receiver in 0..=n_receivers {
-        near.tiles.push(tile(receiver, near.nodes.len() as u32, near.links.len() as u32, 0.75));
-        near.tiles[receiver as usize].scale *= f32::from(u8::from(receiver < n_receivers));
-        let count = if receiver < n_receivers { counter_hash(seed, 20, receiver.into()) as u8 % 5 } else { 0 };
+    for receiver in receivers {
+        let count = counter_hash(seed, 20, receiver.into()) as u8 % 5;
+        near.tiles.push(tile(1, count.into(), count.into(), 0.75));
         for link in 0..count {
-            let level = counter_hash(seed, 21, near.nodes.len() as u64) as u32 % (metadata.direct_size.ilog2() + 1);
+            let place = u64::from(receiver) << 32 | near.nodes.len() as u64;
+            let level = counter_hash(seed, 21, place) as u32 % (metadata.direct_size.ilog2() + 1);
             let texels = (metadata.direct_size >> level).pow(2);
-            let texel = counter_hash(seed, 22, near.nodes.len() as u64) as u32 % texels;
-            near.nodes.push(localprt_formats::node_at(level, texel));
+            near.nodes.push(localprt_formats::node_at(level, counter_hash(seed, 22, place) as u32 % texels));
             near.links.push(link);
-            let first = near.weights.len();
-            near.weights.extend((first..first + n_k).map(|i| counter_hash(seed, 23, i as u64) as i8));
+            near.weights.extend((0..n_k as u64).map(|k| counter_hash(seed, 23 + k, place) as i8));
         }
-        near.counts.extend((receiver < n_receivers).then_some(count));
+        near.counts.push(count);
     }
     near
 }
 
-/// Clusters of `sizes.cluster_receivers`, with their probes and matrices.
-fn clusters(
+/// Clusters of `sizes.cluster_receivers`, with their probes and matrices, two to a block.
+fn blocks(
     sizes: &Sizes,
     metadata: &Metadata,
-    n_k: u32,
+    n_k: usize,
     first_stream: u64,
-) -> (Vec<ClusterRecord>, Vec<u32>, Vec<f16>, Vec<f16>) {
-    let (mut records, mut cluster_probes) = (Vec::<ClusterRecord>::new(), Vec::<u32>::new());
-    let (mut projection, mut reconstruction) = (Vec::new(), Vec::new());
+    positions: &[[f32; 3]],
+    has_near: bool,
+) -> BlockArrays {
     let hash = |stream: u64, i: u64| counter_hash(sizes.seed, first_stream + stream, i);
-    let number =
-        |stream: u64, i: usize| counter_uniform(sizes.seed, first_stream + stream, i as u64) as f32 * 2.0 - 1.0;
-    let mut first_receiver = 0;
-    for (i, &n_receivers) in sizes.cluster_receivers.iter().enumerate() {
-        let random = |stream: u64| hash(stream, i as u64) as u32;
-        let listed = (0..sizes.n_probes).filter(|probe| hash(100 + i as u64, u64::from(*probe)).is_multiple_of(2));
-        let first_probe = cluster_probes.len() as u32;
-        cluster_probes.extend(listed);
-        let n_probes = cluster_probes.len() as u32 - first_probe;
-        let n_sky = if random(11) % 2 == 0 { 0 } else { metadata.n_sky() as u32 };
-        let n_coefficients = random(12) % 4;
-        let columns = n_probes * metadata.n_sh() as u32 + n_sky;
-        records.push(ClusterRecord {
-            first_receiver,
-            n_receivers,
-            first_probe,
-            n_probes,
-            n_sky,
-            n_coefficients,
-            first_light: records.iter().map(|cluster| cluster.n_coefficients).sum(),
-            projection_pair: projection.len() as u32 / 2,
-            reconstruction_pair: reconstruction.len() as u32 / 2,
-            reserved: 0,
-        });
-        append_block(&mut projection, n_coefficients * columns, |k| number(200 + i as u64, k));
-        append_block(&mut reconstruction, n_coefficients * n_receivers * n_k, |k| number(300 + i as u64, k));
-        first_receiver += n_receivers;
+    let values = |stream: u64, count: usize| -> Vec<f16> {
+        let number = |i: usize| counter_uniform(sizes.seed, first_stream + stream, i as u64) * 2.0 - 1.0;
+        (0..count).map(|i| f16::from_f64(number(i))).collect()
+    };
+    let mut stored = BlockArrays::default();
+    let (mut number, mut first) = (0u64, 0);
+    for of_block in sizes.cluster_receivers.chunks(2) {
+        let mut block = TransportBlock::default();
+        for &n_receivers in of_block {
+            let listed = |probe: &u32| hash(100 + number, u64::from(*probe)).is_multiple_of(2);
+            let probes: Vec<u32> = (0..sizes.n_probes).filter(listed).collect();
+            let n_sky = if hash(11, number).is_multiple_of(2) { 0 } else { metadata.n_sky() as u32 };
+            let n_coefficients = hash(12, number) as u32 % 4;
+            let columns = probes.len() * metadata.n_sh() + n_sky as usize;
+            let record = ClusterRecord { n_receivers, n_probes: probes.len() as u32, n_sky, n_coefficients };
+            let projection = values(200 + number, n_coefficients as usize * columns);
+            let reconstruction = values(300 + number, n_coefficients as usize * n_receivers as usize * n_k);
+            block.push(record, &probes, &projection, &reconstruction);
+            number += 1;
+        }
+        let end = first + block.n_receivers();
+        if has_near {
+            block.near = near(sizes.seed, metadata, first as u32..end as u32);
+        }
+        stored.push(&block, &positions[first..end]);
+        first = end;
     }
-    (records, cluster_probes, projection, reconstruction)
-}
-
-fn append_block(values: &mut Vec<f16>, count: u32, number: impl Fn(usize) -> f32) {
-    values.extend((0..count as usize).map(|i| f16::from_f32(number(i))));
-    if count % 2 == 1 {
-        values.push(f16::ZERO);
-    }
+    stored
 }
 
 /// Makes the header's checksum right again after a change to header or table.

@@ -87,81 +87,98 @@ fn receiver_rules_refuse() {
 }
 
 #[test]
-fn cluster_rules_refuse() {
-    for count in [0, 2, 4, u32::MAX] {
-        assert_eq!(invariant(|arrays| arrays.clusters[0].n_receivers = count), 50);
+fn block_table_rules_refuse() {
+    let record = |change: &dyn Fn(&mut BlockRecord)| invariant(|arrays| change(&mut arrays.blocks.records[0]));
+    for count in [0, 4, u32::MAX] {
+        assert_eq!(record(&|block| block.n_receivers = count), 50);
     }
-    assert_eq!(invariant(|arrays| arrays.clusters[0].first_receiver = 1), 50);
-    assert_eq!(invariant(|arrays| arrays.clusters.clear()), 50);
-    assert_eq!(invariant(|arrays| arrays.clusters.push(arrays.clusters[0])), 50);
-    for count in [3, u32::MAX] {
-        assert_eq!(invariant(|arrays| arrays.clusters[0].n_probes = count), 51);
+    assert_eq!(invariant(|arrays| arrays.blocks = BlockArrays::default()), 50);
+    assert_eq!(invariant(|arrays| arrays.blocks.records.push(arrays.blocks.records[0])), 50);
+    assert_eq!(record(&|block| block.n_receivers = 2), 52);
+    for offset in [[256, 0], [0, 1], [1, 0], [u32::MAX; 2]] {
+        assert_eq!(record(&|block| block.offset = offset), 51);
     }
-    assert_eq!(invariant(|arrays| arrays.clusters[0].first_probe = 1), 51);
-    assert_eq!(invariant(|arrays| arrays.cluster_probes.push(1)), 51);
-    for probes in [[1, 0], [1, 1], [0, 2], [0, u32::MAX]] {
-        assert_eq!(invariant(|arrays| arrays.cluster_probes = probes.to_vec()), 51);
-    }
-    for count in [1, 3, 5, u32::MAX] {
-        assert_eq!(invariant(|arrays| arrays.clusters[0].n_sky = count), 52);
-    }
-    for count in [256, u32::MAX] {
-        assert_eq!(invariant(|arrays| arrays.clusters[0].n_coefficients = count), 53);
-    }
-    assert_eq!(invariant(|arrays| arrays.clusters[0].first_light = 1), 54);
-    assert_eq!(invariant(|arrays| arrays.clusters[0].projection_pair = 1), 55);
-    assert_eq!(invariant(|arrays| arrays.projection.truncate(10)), 55);
-    assert_eq!(invariant(|arrays| arrays.projection.extend_from_within(..2)), 55);
-    assert_eq!(invariant(|arrays| arrays.projection.extend_from_within(..1)), 55);
-    assert_eq!(invariant(|arrays| arrays.clusters[0].n_coefficients = 2), 55);
-    assert_eq!(invariant(|arrays| arrays.clusters[0].reconstruction_pair = 1), 56);
-    assert_eq!(invariant(|arrays| arrays.reconstruction.truncate(2)), 56);
-    assert_eq!(invariant(|arrays| arrays.reconstruction.extend_from_within(..2)), 56);
-    assert_eq!(invariant(|arrays| arrays.reconstruction[3] = half::f16::ONE), 56);
-    assert_eq!(invariant(|arrays| arrays.reconstruction[3] = half::f16::NEG_ZERO), 56);
-    assert_eq!(invariant(|arrays| arrays.clusters[0].reserved = 1), 57);
-    for value in [half::f16::NAN, half::f16::INFINITY, half::f16::NEG_INFINITY] {
-        assert_eq!(invariant(|arrays| arrays.projection[11] = value), 58);
-        assert_eq!(invariant(|arrays| arrays.reconstruction[0] = value), 58);
-    }
-    assert_eq!(refused_payload(b"CLUS", 4, &u32::MAX.to_le_bytes()), 50);
-    assert_eq!(refused_payload(b"CLUS", 12, &u32::MAX.to_le_bytes()), 51);
-    assert_eq!(refused_payload(b"CPRB", 4, &7u32.to_le_bytes()), 51);
-    assert_eq!(refused_payload(b"CLUS", 20, &255u32.to_le_bytes()), 55);
-    assert_eq!(refused_payload(b"PROJ", 0, &half::f16::NAN.to_le_bytes()), 58);
+    assert_eq!(record(&|block| block.n_clusters = u32::MAX), 51);
+    assert_eq!(record(&|block| block.projection_pairs += 64), 51);
+    assert_eq!(record(&|block| block.reconstruction_pairs = u32::MAX), 51);
+    assert_eq!(record(&|block| block.n_cluster_probes = u32::MAX), 51);
+    assert_eq!(record(&|block| block.n_links = u32::MAX), 51);
+    assert_eq!(invariant(|arrays| arrays.blocks.data.truncate(63)), 51);
+    assert_eq!(invariant(|arrays| arrays.blocks.data.push(0)), 51);
+    assert_eq!(invariant(|arrays| arrays.blocks.data.extend([0; 64])), 51);
+    assert_eq!(record(&|block| block.bounds[1][2] = 0.25), 52);
+    assert_eq!(record(&|block| block.bounds[0][0] = f32::NAN), 52);
+    assert_eq!(record(&|block| block.reserved[5] = 1), 53);
+    assert_eq!(record(&|block| block.n_tiles = 0), 54);
+    assert_eq!(record(&|block| block.checksum ^= 1), 88);
+    assert_eq!(record(&|block| block.hash[31] ^= 1), 89);
+    assert_eq!(refused_payload(b"BLOK", 0, &u32::MAX.to_le_bytes()), 50);
+    assert_eq!(refused_payload(b"BLOK", 40, &4u32.to_le_bytes()), 51);
+    assert_eq!(refused_payload(b"BLOK", 4, &u32::MAX.to_le_bytes()), 51);
+    assert_eq!(refused_payload(b"BLOK", 48, &9f32.to_le_bytes()), 52);
+    assert_eq!(refused_payload(b"BLOK", 124, &[1]), 53);
+}
+
+/// Opening leaves what is in blocks unread; it is refused when a block is first used, and by `check`.
+#[test]
+fn blocks_are_checked_when_they_are_used() {
+    let mut file = sound();
+    let at = payload(&file, b"BDAT");
+    put(&mut file, at, &u32::MAX.to_le_bytes());
+    seal_all(&mut file);
+    let baked = Baked::from_bytes(file.clone()).unwrap();
+    assert_eq!(baked.checked().unwrap_err().rule(), Some(55));
+    assert_eq!(baked.block(0).unwrap_err().rule(), Some(55));
+    assert!(check_bytes(&file).iter().any(|violation| violation.rule == 55));
+    // Sound numbers that are not those of the checksum: only `check` reads it.
+    let mut file = sound();
+    put(&mut file, at + 24, &half::f16::ONE.to_le_bytes());
+    seal_all(&mut file);
+    assert!(Baked::from_bytes(file.clone()).unwrap().checked().is_ok());
+    assert_eq!(check_bytes(&file).iter().map(|violation| violation.rule).collect::<Vec<_>>(), [88]);
 }
 
 #[test]
-fn a_second_cluster_must_follow_the_first() {
-    let generated = |seed| {
-        common::arrays(&common::Sizes {
-            seed,
-            n_probes: 4,
-            n_rays: 3,
-            cluster_receivers: vec![2, 3],
-            probe_degree: 1,
-            receiver_degree: 1,
-            sky_degree: 2,
-            report: false,
-        })
-    };
-    let full = |cluster: &ClusterRecord| cluster.n_coefficients > 0 && cluster.n_probes > 0;
-    let sound = (0..100).map(generated).find(|arrays| arrays.clusters.iter().all(full)).unwrap();
-    assert!(to_bytes(&sound).is_ok());
-    let rule = |change: &dyn Fn(&mut ClusterRecord)| {
-        let mut broken = sound.clone();
-        change(&mut broken.clusters[1]);
-        match to_bytes(&broken) {
-            Err(WriteError::Invalid(violation)) => violation.rule,
-            other => panic!("{other:?}"),
-        }
-    };
-    assert_eq!(rule(&|cluster| cluster.first_receiver -= 1), 50);
-    assert_eq!(rule(&|cluster| cluster.first_probe = 0), 51);
-    assert_eq!(rule(&|cluster| cluster.first_light = 0), 54);
-    assert_eq!(rule(&|cluster| cluster.projection_pair = 0), 55);
-    assert_eq!(rule(&|cluster| cluster.projection_pair += 1), 55);
-    assert_eq!(rule(&|cluster| cluster.reconstruction_pair -= 1), 56);
+fn cluster_rules_refuse() {
+    let block = |change: &dyn Fn(&mut TransportBlock)| invariant(|arrays| change_block(arrays, 0, change));
+    let cluster = |change: &dyn Fn(&mut ClusterRecord)| block(&|block| change(&mut block.clusters[0]));
+    for count in [0, 2, 4, u32::MAX] {
+        assert_eq!(cluster(&|cluster| cluster.n_receivers = count), 55, "{count}");
+    }
+    assert_eq!(block(&|block| block.clusters.clear()), 55);
+    assert_eq!(block(&|block| block.clusters.push(block.clusters[0])), 55);
+    for count in [3, u32::MAX] {
+        assert_eq!(cluster(&|cluster| cluster.n_probes = count), 56);
+    }
+    assert_eq!(block(&|block| block.cluster_probes.push(1)), 56);
+    for probes in [[1, 0], [1, 1], [0, 2], [0, u32::MAX]] {
+        assert_eq!(block(&|block| block.cluster_probes = probes.to_vec()), 56);
+    }
+    for count in [1, 3, 5, u32::MAX] {
+        assert_eq!(cluster(&|cluster| cluster.n_sky = count), 57);
+    }
+    for count in [256, u32::MAX] {
+        assert_eq!(cluster(&|cluster| cluster.n_coefficients = count), 57);
+    }
+    assert_eq!(invariant(|arrays| arrays.blocks.records[0].n_lights = 2), 57);
+    assert_eq!(block(&|block| block.projection.truncate(10)), 58);
+    assert_eq!(block(&|block| block.projection.extend_from_within(..2)), 58);
+    assert_eq!(cluster(&|cluster| cluster.n_coefficients = 2), 58);
+    assert_eq!(block(&|block| block.reconstruction.truncate(2)), 58);
+    assert_eq!(block(&|block| block.reconstruction.extend_from_within(..2)), 58);
+    assert_eq!(block(&|block| block.reconstruction[3] = half::f16::ONE), 58);
+    assert_eq!(block(&|block| block.reconstruction[3] = half::f16::NEG_ZERO), 58);
+    for value in [half::f16::NAN, half::f16::INFINITY, half::f16::NEG_INFINITY] {
+        assert_eq!(block(&|block| block.projection[11] = value), 59);
+        assert_eq!(block(&|block| block.reconstruction[0] = value), 59);
+    }
+    // In the block: one cluster of 16 bytes, two probes, the matrices.
+    assert_eq!(refused_payload(b"BDAT", 0, &u32::MAX.to_le_bytes()), 55);
+    assert_eq!(refused_payload(b"BDAT", 4, &u32::MAX.to_le_bytes()), 56);
+    assert_eq!(refused_payload(b"BDAT", 20, &7u32.to_le_bytes()), 56);
+    assert_eq!(refused_payload(b"BDAT", 12, &255u32.to_le_bytes()), 58);
+    assert_eq!(refused_payload(b"BDAT", 24, &half::f16::NAN.to_le_bytes()), 59);
+    assert_eq!(refused_payload(b"BDAT", 255, &[1]), 87);
 }
 
 #[test]

@@ -7,21 +7,23 @@ mod arrays;
 mod optional;
 mod structure;
 
-use common::{entry, minimal, n_sections, payload, seal, seal_all, u64_at};
+use common::{change_block, change_volume_block, entry, minimal, n_sections, payload, seal, seal_all, u64_at};
 use localprt_formats::directions::counter_hash;
 use localprt_formats::header::{ENTRY_BYTES, HEADER_BYTES};
 use localprt_formats::{
-    Baked, BakedArrays, ClusterRecord, NearArrays, NearTile, OpenError, VolumeArrays, WriteError, check_bytes, to_bytes,
+    Baked, BakedArrays, BlockArrays, BlockRecord, ClusterRecord, NearArrays, NearTile, OpenError, TransportBlock,
+    VolumeArrays, WriteError, check_bytes, to_bytes,
 };
 
 fn sound() -> Vec<u8> {
     to_bytes(&minimal()).unwrap()
 }
 
-/// The rule by which `Baked::open` refuses the bytes; `check` must name it too.
+/// The rule by which the bytes are refused when they are opened, or when their blocks are used; `check` must name it too.
 fn refused(file: Vec<u8>) -> u16 {
     let listed: Vec<u16> = check_bytes(&file).iter().map(|violation| violation.rule).collect();
-    let rule = Baked::from_bytes(file).expect_err("must be refused").rule().expect("not a failure of the file system");
+    let refusal = Baked::from_bytes(file).and_then(|baked| baked.checked().map(drop));
+    let rule = refusal.expect_err("must be refused").rule().expect("not a failure of the file system");
     assert!(listed.contains(&rule), "check found {listed:?}, open {rule}");
     rule
 }
@@ -100,11 +102,12 @@ fn every_flipped_bit_is_found() {
             assert!(!check_bytes(&flipped).is_empty(), "bit {bit} of byte {at}");
             // Opening leaves payload checksums out, so it may accept some; what it accepts can be read.
             if let Ok(baked) = Baked::from_bytes(flipped) {
-                let view = baked.view();
-                let volume_probes = view.volume.iter().flat_map(|volume| volume.cluster_probes);
-                assert!(volume_probes.clone().all(|probe| (*probe as usize) < view.probes.len()));
-                let last = view.cluster_probes.iter().map(|probe| view.probes[*probe as usize].support_radius_m);
-                assert!(last.count() == 2);
+                let Ok(checked) = baked.checked() else { continue };
+                let transports = [Some(checked.transport()), checked.volume_transport()];
+                let clusters = transports.iter().flatten().flat_map(|transport| &transport.clusters);
+                let probes = clusters.flat_map(|cluster| cluster.probes);
+                assert!(probes.clone().all(|probe| (*probe as usize) < checked.n_probes()));
+                assert!(probes.count() >= 2);
             }
         }
     }
@@ -122,6 +125,10 @@ fn every_flipped_byte_with_sound_checksums_is_refused_or_readable() {
                 let view = baked.view();
                 assert!(view.receiver_texel.iter().all(|texel| *texel < view.metadata.lightmap_size.pow(2)));
                 assert!(view.gutters.iter().all(|gutter| (gutter[1] as usize) < view.receiver_texel.len()));
+                if let Ok(checked) = baked.checked() {
+                    let last = checked.transport().clusters.last().map(|cluster| cluster.receivers.end);
+                    assert_eq!(last, Some(checked.n_receivers()));
+                }
             }
             // As open, and it must not panic either.
             check_bytes(&changed);
@@ -158,9 +165,9 @@ fn files_with_forged_numbers_are_refused_or_readable() {
 #[test]
 fn messages_name_place_found_and_allowed() {
     let mut arrays = minimal();
-    arrays.cluster_probes[1] = 9;
+    change_block(&mut arrays, 0, |block| block.cluster_probes[1] = 9);
     let text = to_bytes(&arrays).unwrap_err().to_string();
-    assert_eq!(text, "the baked arrays break rule 51: cluster 0: probe 9, there are 2");
+    assert_eq!(text, "the baked arrays break rule 56: block 0, cluster 0: probe 9, there are 2");
     let error = Baked::open("/nonexistent/hall.lprt").unwrap_err();
     assert!(matches!(error, OpenError::Io { .. }) && error.rule().is_none());
     assert!(error.to_string().starts_with("cannot read /nonexistent/hall.lprt: "));

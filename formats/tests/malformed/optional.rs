@@ -17,19 +17,26 @@ fn volume_rules_refuse() {
     }
     assert_eq!(volume(&|volume| volume.cells[0] = 6), 74);
     assert_eq!(volume(&|volume| volume.cells[0] = 1), 74);
-    // Clusters obey the rules of the lightmap's.
+    // Blocks obey the rules of the lightmap's.
     assert_eq!(volume(&|volume| volume.cells.truncate(1)), 50);
-    assert_eq!(volume(&|volume| volume.clusters.clear()), 50);
-    assert_eq!(volume(&|volume| volume.clusters[0].n_probes = 2), 51);
-    assert_eq!(volume(&|volume| volume.cluster_probes[0] = 2), 51);
-    assert_eq!(volume(&|volume| volume.clusters[0].n_sky = 3), 52);
-    assert_eq!(volume(&|volume| volume.clusters[0].n_coefficients = 256), 53);
-    assert_eq!(volume(&|volume| volume.clusters[0].first_light = 1), 54);
-    assert_eq!(volume(&|volume| volume.projection.truncate(6)), 55);
+    assert_eq!(volume(&|volume| volume.blocks.records.clear()), 50);
+    assert_eq!(volume(&|volume| volume.blocks.data.clear()), 51);
+    assert_eq!(volume(&|volume| volume.grid.origin[0] = 0.0), 52);
+    assert_eq!(volume(&|volume| volume.blocks.records[0].reserved[0] = 1), 53);
+    let block = |change: &dyn Fn(&mut TransportBlock)| volume(&|volume| change_volume_block(volume, 0, change));
+    assert_eq!(block(&|block| block.clusters[0].n_receivers = 3), 55);
+    assert_eq!(block(&|block| block.clusters[0].n_probes = 2), 56);
+    assert_eq!(block(&|block| block.cluster_probes[0] = 2), 56);
+    assert_eq!(block(&|block| block.clusters[0].n_sky = 3), 57);
+    assert_eq!(block(&|block| block.projection.truncate(6)), 58);
     // Degree 2 needs nine rows a receiver.
-    assert_eq!(volume(&|volume| volume.grid.degree = 2), 56);
-    assert_eq!(volume(&|volume| volume.clusters[0].reserved = 1), 57);
-    assert_eq!(volume(&|volume| volume.reconstruction[0] = half::f16::NAN), 58);
+    assert_eq!(volume(&|volume| volume.grid.degree = 2), 58);
+    assert_eq!(block(&|block| block.reconstruction[0] = half::f16::NAN), 59);
+    let tile = NearTile { n_receivers: 2, ..NearTile::default() };
+    let near = NearArrays { tiles: vec![tile], counts: vec![0; 2], ..NearArrays::default() };
+    assert_eq!(block(&|block| block.near = near.clone()), 77);
+    assert_eq!(volume(&|volume| volume.blocks.records[0].checksum ^= 1), 88);
+    assert_eq!(volume(&|volume| volume.blocks.records[0].hash[0] ^= 1), 89);
     for fill in [[6, 1], [0, 6], [0, 2], [0, 0], [0, u32::MAX], [u32::MAX, 1]] {
         assert_eq!(volume(&|volume| volume.fill[0] = fill), 75, "{fill:?}");
     }
@@ -40,8 +47,8 @@ fn volume_rules_refuse() {
     assert_eq!(refused_payload(b"VOLU", 16, &0u32.to_le_bytes()), 72);
     assert_eq!(refused_payload(b"VOLU", 28, &9u32.to_le_bytes()), 73);
     assert_eq!(refused_payload(b"VCEL", 0, &9u32.to_le_bytes()), 74);
-    assert_eq!(refused_payload(b"VCLU", 4, &3u32.to_le_bytes()), 50);
-    assert_eq!(refused_payload(b"VCPR", 0, &2u32.to_le_bytes()), 51);
+    assert_eq!(refused_payload(b"VBLK", 0, &3u32.to_le_bytes()), 50);
+    assert_eq!(refused_payload(b"VDAT", 16, &2u32.to_le_bytes()), 56);
     assert_eq!(refused_payload(b"VFIL", 4, &2u32.to_le_bytes()), 75);
     assert_eq!(refused_payload(b"VFIL", 0, &1u32.to_le_bytes()), 76);
 }
@@ -55,7 +62,7 @@ fn a_volume_is_whole_or_absent() {
         seal_all(&mut file);
         file
     };
-    for kind in [b"VOLU", b"VCEL", b"VCLU", b"VCPR", b"VPRJ", b"VREC", b"VFIL"] {
+    for kind in [b"VOLU", b"VCEL", b"VBLK", b"VDAT", b"VFIL"] {
         // One section under another name is one that is missing.
         assert_eq!(refused(change(kind, 0, b"NEW1")), 70);
         // One of a later version is skipped, and the others with it.
@@ -79,39 +86,37 @@ fn a_volume_is_whole_or_absent() {
 
 #[test]
 fn near_light_rules_refuse() {
-    let near = |change: &dyn Fn(&mut NearArrays)| invariant(|arrays| change(arrays.near.as_mut().unwrap()));
-    assert_eq!(near(&|near| near.tiles.clear()), 80);
-    assert_eq!(near(&|near| near.counts.truncate(2)), 81);
-    assert_eq!(near(&|near| near.tiles.truncate(2)), 81);
-    assert_eq!(near(&|near| near.tiles[0].first_link = 1), 81);
-    assert_eq!(near(&|near| near.nodes.push(0)), 81);
-    assert_eq!(near(&|near| near.links.push(0)), 81);
-    // A tile without receivers, one that goes back, and nodes that go back.
-    assert_eq!(near(&|near| near.tiles[1].first_receiver = 3), 82);
-    assert_eq!(near(&|near| near.tiles[1].first_receiver = 4), 82);
-    assert_eq!(near(&|near| near.tiles[1].first_node = 3), 82);
+    let near =
+        |change: &dyn Fn(&mut NearArrays)| invariant(|arrays| change_block(arrays, 0, |block| change(&mut block.near)));
+    assert_eq!(near(&|near| near.tiles.clear()), 54);
+    // A tile without receivers, one with more than there are, and one too few.
+    assert_eq!(near(&|near| near.tiles[1].n_receivers = 0), 81);
+    assert_eq!(near(&|near| near.tiles[1].n_receivers = 2), 81);
+    assert_eq!(near(&|near| near.tiles.truncate(1)), 81);
+    assert_eq!(near(&|near| near.tiles[1].n_nodes = 1), 82);
+    assert_eq!(near(&|near| near.nodes.push(0)), 82);
     let more = |near: &mut NearArrays, nodes: u32| {
         near.nodes.resize(2 + nodes as usize, 0);
-        near.tiles[2].first_node += nodes;
+        near.tiles[1].n_nodes += nodes;
     };
     assert_eq!(near(&|near| more(near, 257)), 82);
     assert_eq!(near(&|near| near.counts[0] = 1), 83);
-    assert_eq!(near(&|near| near.tiles[1].first_link = 2), 83);
+    assert_eq!(near(&|near| near.tiles[0].n_links = 2), 83);
+    assert_eq!(near(&|near| (near.links.push(0), near.weights.push(0)).0), 83);
     for scale in [-1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(near(&|near| near.tiles[0].scale = scale), 84);
     }
-    assert_eq!(near(&|near| near.tiles[2].scale = 0.5), 84);
     // Level 4 of a map of 8 texels, and texels beyond their level.
     for node in [4 << 28, 64, 1 << 28 | 16, u32::MAX] {
         assert_eq!(near(&|near| near.nodes[0] = node), 85);
     }
     assert_eq!(near(&|near| near.links[0] = 2), 86);
-    assert_eq!(near(&|near| near.weights.truncate(2)), 86);
-    assert_eq!(refused_payload(b"NTIL", 16, &9u32.to_le_bytes()), 82);
-    assert_eq!(refused_payload(b"NTIL", 12, &f32::NAN.to_le_bytes()), 84);
-    assert_eq!(refused_payload(b"NNOD", 0, &u32::MAX.to_le_bytes()), 85);
-    assert_eq!(refused_payload(b"NCNT", 0, &[9]), 83);
-    assert_eq!(refused_payload(b"NIDX", 1, &[255]), 86);
+    // Behind cluster, probes and matrices, 56 bytes: two tiles, two nodes, three counts and three links.
+    assert_eq!(refused_payload(b"BDAT", 56, &9u32.to_le_bytes()), 81);
+    assert_eq!(refused_payload(b"BDAT", 68, &f32::NAN.to_le_bytes()), 84);
+    assert_eq!(refused_payload(b"BDAT", 88, &u32::MAX.to_le_bytes()), 85);
+    assert_eq!(refused_payload(b"BDAT", 96, &[9]), 83);
+    assert_eq!(refused_payload(b"BDAT", 100, &[255]), 86);
     // More receivers than a tile may have.
     let mut arrays = common::arrays(&common::Sizes {
         seed: 1,
@@ -123,26 +128,9 @@ fn near_light_rules_refuse() {
         sky_degree: 0,
         report: false,
     });
-    let end = NearTile { first_receiver: 65, ..NearTile::default() };
-    arrays.near =
-        Some(NearArrays { tiles: vec![NearTile::default(), end], counts: vec![0; 65], ..NearArrays::default() });
-    assert!(matches!(to_bytes(&arrays), Err(WriteError::Invalid(violation)) if violation.rule == 82));
-}
-
-#[test]
-fn near_light_is_whole_or_absent_and_never_skipped() {
-    for kind in [b"NTIL", b"NNOD", b"NCNT", b"NIDX", b"NWGT"] {
-        let change = |at: usize, bytes: &[u8]| {
-            let mut file = sound();
-            let at = entry(&file, kind) + at;
-            put(&mut file, at, bytes);
-            seal_all(&mut file);
-            refused(file)
-        };
-        // Another name, flagged optional, is a missing section; a reader that does not know it, or its version, refuses.
-        assert_eq!(change(0, &[b'N', b'E', b'W', b'1', 1, 0, 0, 0]), 80);
-        assert_eq!(change(0, b"NEW1"), 18);
-        assert_eq!(change(4, &[2]), 19);
-        assert_eq!(change(6, &[0]), 20);
-    }
+    let tiles = vec![NearTile { n_receivers: 65, ..NearTile::default() }];
+    change_block(&mut arrays, 0, |block| {
+        block.near = NearArrays { tiles, counts: vec![0; 65], ..NearArrays::default() };
+    });
+    assert!(matches!(to_bytes(&arrays), Err(WriteError::Invalid(violation)) if violation.rule == 81));
 }

@@ -8,7 +8,7 @@ fn header_rules_refuse() {
     text[4..6].copy_from_slice(b"\n\n");
     assert_eq!(refused(text), 2);
     assert_eq!(refused(b"glTF".repeat(100)), 2);
-    for (major, minor) in [(2u16, 0u16), (0, 9), (u16::MAX, 0)] {
+    for (major, minor) in [(3u16, 0u16), (1, 2), (0, 9), (u16::MAX, 0)] {
         let mut newer = sound();
         put(&mut newer, 8, &major.to_le_bytes());
         put(&mut newer, 10, &minor.to_le_bytes());
@@ -42,7 +42,7 @@ fn a_newer_minor_version_is_read() {
     file[10] = 7;
     seal(&mut file);
     assert_eq!(check_bytes(&file), []);
-    assert_eq!(Baked::from_bytes(file).unwrap().version(), (1, 7));
+    assert_eq!(Baked::from_bytes(file).unwrap().version(), (2, 7));
 }
 
 #[test]
@@ -55,11 +55,11 @@ fn checksum_rules_are_checked_by_check_alone() {
     assert_eq!(rules(&file), [8]);
 
     let mut file = sound();
-    let at = payload(&file, b"RPOS");
+    let at = payload(&file, b"RUNS");
     file[at] ^= 1;
     assert!(Baked::from_bytes(file.clone()).is_ok());
     assert_eq!(rules(&file), [22, 8]);
-    assert!(check_bytes(&file)[0].message.contains("RPOS"));
+    assert!(check_bytes(&file)[0].message.contains("RUNS"));
 }
 
 #[test]
@@ -133,11 +133,11 @@ fn known_sections_must_be_as_described() {
             put(file, at, &value.to_le_bytes());
         })
     };
-    assert_eq!(field(b"PROJ", 4, 2), 19);
-    assert_eq!(field(b"PROJ", 6, 0), 20);
+    assert_eq!(field(b"BDAT", 4, 2), 19);
+    assert_eq!(field(b"BDAT", 6, 0), 20);
     assert_eq!(field(b"REPT", 6, 1), 20);
     // u16 instead of f16, and f32 instead of u32: same size, other meaning.
-    assert_eq!(field(b"PROJ", 8, 2), 20);
+    assert_eq!(field(b"RADS", 8, 2), 20);
     assert_eq!(field(b"RTEX", 8, 5), 20);
 }
 

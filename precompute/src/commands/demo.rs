@@ -38,7 +38,8 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     write_text(&evening_path, EVENING)?;
 
     let baked = inputs::baked(&baked_path)?;
-    let scene = inputs::baked_scene(&baked_path, baked.view().metadata, None)?;
+    let scene = inputs::baked_scene(&baked_path, baked.metadata(), None)?;
+    let checked = inputs::checked(&baked_path, &baked)?;
     let caster = inputs::caster(&scene)?;
     let mut found = String::new();
     // All at one exposure, that of the full light, so that they compare.
@@ -52,7 +53,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     for (name, what, lights, bounces, albedo_override) in states {
         let lighting = inputs::lighting(lights.map(|path| path.as_path()), &scene)?;
         let how = How { bounces, ..How::default() };
-        let relit = light(baked.view(), &caster, &lighting, how, progress)?;
+        let relit = light(&checked, &caster, &lighting, how, progress)?;
         let picture = take_picture(&caster, &lighting, &relit, &View { albedo_override, ..PLAIN_VIEW }, progress)?;
         let look = if lights.is_some() { Exposure::Auto } else { exposure };
         let ev = write_picture(&folder.join(name), &picture, look)?;

@@ -2,7 +2,7 @@
 
 use super::{grouped, print_data, size, to_json};
 use crate::cli;
-use localprt_formats::Baked;
+use localprt_formats::{Baked, BlockRecord, Checked};
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::report::{LinkFacts, Unseen, VolumeFacts};
@@ -15,7 +15,7 @@ use std::fmt::Write as _;
 /// Runs `info`.
 pub fn run(command: &cli::Info) -> Result<(), CommandError> {
     let baked = inputs::baked(&command.file)?;
-    let facts = Facts::of(&command.file.display().to_string(), &baked);
+    let facts = Facts::of(&command.file.display().to_string(), &baked, &inputs::checked(&command.file, &baked)?);
     print_data(&if command.json { to_json(&facts) } else { facts.to_text() })
 }
 
@@ -44,6 +44,7 @@ struct Facts {
     probes: usize,
     radius: f32,
     clusters: usize,
+    blocks: usize,
     lightmap: u32,
     direct_map: u32,
     probe_degree: u32,
@@ -79,8 +80,8 @@ struct SceneFacts {
 
 #[derive(Serialize)]
 struct Bytes {
-    projection: usize,
-    reconstruction: usize,
+    projection: u64,
+    reconstruction: u64,
     near_light: u64,
     relight: usize,
     file: u64,
@@ -115,16 +116,15 @@ fn options(text: &str) -> Value {
 }
 
 impl Facts {
-    fn of(path: &str, baked: &Baked) -> Self {
-        let view = baked.view();
+    fn of(path: &str, baked: &Baked, checked: &Checked<'_>) -> Self {
+        let (view, transport) = (*checked.view(), checked.transport());
         let metadata = view.metadata;
         let (major, minor) = baked.version();
         let receivers = view.receiver_texel.len();
-        let coefficients: u64 = view
-            .clusters
-            .iter()
-            .map(|cluster| u64::from(cluster.n_receivers) * u64::from(cluster.n_coefficients))
-            .sum();
+        let clusters = transport.clusters.len();
+        let coefficients: usize =
+            transport.clusters.iter().map(|cluster| cluster.receivers.len() * cluster.lights.len()).sum();
+        let pairs = |count: fn(&BlockRecord) -> u32| 4 * view.blocks.total(count);
         Self {
             file: FileFacts {
                 path: path.to_owned(),
@@ -140,7 +140,8 @@ impl Facts {
             receivers,
             probes: view.probes.len(),
             radius: view.probes.first().map_or(0.0, |probe| probe.support_radius_m),
-            clusters: view.clusters.len(),
+            clusters,
+            blocks: view.blocks.records.len(),
             lightmap: metadata.lightmap_size,
             direct_map: metadata.direct_size,
             probe_degree: metadata.probe_degree,
@@ -148,13 +149,13 @@ impl Facts {
             sky_degree: metadata.sky_degree,
             relight_rays: metadata.n_rays,
             coefficients_per_receiver: coefficients as f64 / receivers.max(1) as f64,
-            probes_per_cluster: view.cluster_probes.len() as f64 / view.clusters.len().max(1) as f64,
+            probes_per_cluster: view.blocks.total(|block| block.n_cluster_probes) as f64 / clusters.max(1) as f64,
             unseen: Unseen::of(view.receiver_unseen),
-            links: view.near.map_or_else(LinkFacts::default, |near| LinkFacts::of(&near)),
+            links: LinkFacts::of(transport.tiles.iter().flat_map(|tile| tile.counts.iter().copied()), receivers),
             bytes: Bytes {
-                projection: size_of_val(view.projection),
-                reconstruction: size_of_val(view.reconstruction),
-                near_light: view.near.map_or(0, |near| near.bytes()),
+                projection: pairs(|block| block.projection_pairs),
+                reconstruction: pairs(|block| block.reconstruction_pairs),
+                near_light: view.blocks.near_byte_count(metadata.n_k()),
                 relight: size_of_val(view.ray_dirs)
                     + size_of_val(view.ray_sh)
                     + size_of_val(view.ray_uv)
@@ -209,8 +210,9 @@ impl Facts {
         line(
             "clusters",
             format!(
-                "{}, {:.1} coefficients per receiver, {:.1} probes per cluster",
+                "{} in {} blocks, {:.1} coefficients per receiver, {:.1} probes per cluster",
                 count(self.clusters),
+                count(self.blocks),
                 self.coefficients_per_receiver,
                 self.probes_per_cluster
             ),
@@ -230,8 +232,8 @@ impl Facts {
             "sizes",
             format!(
                 "projection {}, reconstruction {}, near light {}, relight rays {}",
-                bytes(self.bytes.projection),
-                bytes(self.bytes.reconstruction),
+                size(self.bytes.projection),
+                size(self.bytes.reconstruction),
                 size(self.bytes.near_light),
                 bytes(self.bytes.relight)
             ),

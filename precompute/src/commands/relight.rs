@@ -3,7 +3,7 @@
 use super::{check_output, to_json, write_text};
 use crate::cli::{Backend, Direct, Relight, View};
 use glam::Vec3;
-use localprt_formats::BakedView;
+use localprt_formats::Checked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::output::{self, ExrPrecision, ReceiverVertex};
@@ -35,18 +35,18 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     }
     let started = Instant::now();
     let baked = inputs::baked(&command.file)?;
-    let view = baked.view();
-    let scene = inputs::baked_scene(&command.file, view.metadata, command.scene.as_deref())?;
+    let scene = inputs::baked_scene(&command.file, baked.metadata(), command.scene.as_deref())?;
+    let baked = inputs::checked(&command.file, &baked)?;
     let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
     let caster = inputs::caster(&scene)?;
     let how = How { backend: command.backend, direct: command.direct, bounces: command.bounces };
-    let relit = light(view, &caster, &lighting, how, progress)?;
+    let relit = light(&baked, &caster, &lighting, how, progress)?;
 
     if let Some(path) = &command.output {
         write_lightmap(path, &relit, command.half)?;
     }
     if let Some(path) = &command.receivers {
-        output::write_ply(path, &vertices(&view, &relit))?;
+        output::write_ply(path, &vertices(&baked, &relit))?;
     }
     let mut exposure = None;
     if let Some(path) = &command.picture {
@@ -78,7 +78,7 @@ pub struct How {
 
 /// Indirect light after so many gathers. The caster's scene carries the file's lightmap coordinates.
 pub fn light(
-    view: BakedView<'_>,
+    baked: &Checked<'_>,
     caster: &RayCaster<'_>,
     lighting: &Lighting,
     how: How,
@@ -100,25 +100,25 @@ pub fn light(
     #[cfg(feature = "gpu")]
     if let (Some(gpu), Direct::ShadowMap) = (&gpu, how.direct) {
         drop(stage);
-        return relight_gpu::light(gpu, view, &Source::ShadowMaps { scene, lighting }, how.bounces, progress);
+        return relight_gpu::light(gpu, baked, &Source::ShadowMaps { scene, lighting }, how.bounces, progress);
     }
-    let texels = scene_texels(caster, &view);
+    let texels = scene_texels(caster, baked.view());
     let direct = match how.direct {
         Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
         Direct::ShadowMap => {
             shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
         }
     };
-    let light = SceneLight::new(scene, &texels, lighting, direct, &view);
+    let light = SceneLight::new(scene, &texels, lighting, direct, baked.view());
     drop(stage);
     progress.check()?;
     #[cfg(feature = "gpu")]
     if let Some(gpu) = gpu {
-        return relight_gpu::light(&gpu, view, &Source::Light(&light), how.bounces, progress);
+        return relight_gpu::light(&gpu, baked, &Source::Light(&light), how.bounces, progress);
     }
     let inputs = light.inputs(how.bounces);
     let stage = progress.stage("bounces", how.bounces.into());
-    let mut relighter = CpuRelighter::new(view).map_err(refused)?;
+    let mut relighter = CpuRelighter::new(baked.clone());
     for _ in 0..how.bounces {
         progress.check()?;
         relighter.step(&inputs).map_err(refused)?;
@@ -148,21 +148,19 @@ pub fn write_lightmap(path: &Path, relit: &Relit, half: bool) -> Result<(), Comm
     Ok(output::write_exr(path, side, side, &pixels, precision)?)
 }
 
-fn vertices(view: &BakedView<'_>, relit: &Relit) -> Vec<ReceiverVertex> {
-    let mut vertices = Vec::with_capacity(view.receiver_position.len());
-    for (cluster, record) in view.clusters.iter().enumerate() {
-        let first = record.first_receiver as usize;
-        for receiver in first..first + record.n_receivers as usize {
-            vertices.push(ReceiverVertex {
-                position: view.receiver_position[receiver],
-                normal: view.receiver_normal[receiver],
-                irradiance: relit.irradiance[receiver].to_array(),
-                unseen: view.receiver_unseen[receiver],
-                cluster: cluster as u32,
-            });
-        }
-    }
-    vertices
+fn vertices(baked: &Checked<'_>, relit: &Relit) -> Vec<ReceiverVertex> {
+    let view = baked.view();
+    let clusters = baked.transport().clusters.iter().enumerate();
+    let members =
+        clusters.flat_map(|(number, cluster)| cluster.receivers.clone().map(move |receiver| (receiver, number)));
+    let vertex = |(receiver, cluster): (usize, usize)| ReceiverVertex {
+        position: view.receiver_position[receiver],
+        normal: view.receiver_normal[receiver],
+        irradiance: relit.irradiance[receiver].to_array(),
+        unseen: view.receiver_unseen[receiver],
+        cluster: cluster as u32,
+    };
+    members.map(vertex).collect()
 }
 
 /// The scene as a camera sees it under this light.

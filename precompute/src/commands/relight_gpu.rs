@@ -1,12 +1,12 @@
 //! `relight --backend gpu`: the same gathers in compute shaders.
 
 use super::{SHADOW_MAP_SIZE, refused};
-use localprt_formats::BakedView;
+use localprt_formats::Checked;
 use localprt_precompute::error::CommandError;
 use localprt_precompute::progress::Progress;
 use localprt_runtime::{
-    CheckedBake, DirectLight, DirectOptions, MapPrecision, RelightError, Relighter, RelighterOptions, Relit,
-    SceneLight, gpu::headless,
+    DirectLight, DirectOptions, MapPrecision, RelightError, Relighter, RelighterOptions, Relit, SceneLight,
+    gpu::headless,
 };
 use localprt_scenes::{Lighting, Scene};
 
@@ -29,7 +29,7 @@ pub fn device() -> Result<Gpu, CommandError> {
 /// Indirect light after so many gathers from darkness.
 pub fn light(
     (device, queue): &Gpu,
-    view: BakedView<'_>,
+    baked: &Checked<'_>,
     source: &Source<'_>,
     bounces: u32,
     progress: &Progress,
@@ -45,7 +45,7 @@ pub fn light(
     // What the file asks for may be more than the device has left; it says so through these.
     let out_of_memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
     let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
-    let mut relighter = Relighter::new(device, queue, view, options).map_err(refused)?;
+    let mut relighter = Relighter::new(device, queue, baked, options).map_err(refused)?;
     let direct = match source {
         Source::Light(light) => {
             relighter.set_surface(&light.surface).map_err(refused)?;
@@ -53,7 +53,7 @@ pub fn light(
             DirectLight::Irradiance
         }
         Source::ShadowMaps { scene, lighting } => {
-            relighter.set_scene(scene, &view).map_err(refused)?;
+            relighter.set_scene(scene, baked).map_err(refused)?;
             relighter.set_lighting(lighting).map_err(refused)?;
             DirectLight::Lights
         }
@@ -73,6 +73,5 @@ pub fn light(
         stage.inc(1);
     }
     let coefficients = relighter.read_coefficients().map_err(refused)?;
-    let baked = CheckedBake::new(view).map_err(refused)?;
-    Ok(Relit::of_coefficients(&baked, coefficients))
+    Ok(Relit::of_coefficients(baked, coefficients))
 }

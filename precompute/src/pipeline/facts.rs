@@ -1,7 +1,7 @@
 //! What the stages did, as the report says it.
 
+use super::leaf::LeafTransport;
 use crate::{
-    clusters::Cluster,
     lightmap::{LayoutReport, ReceiverSet},
     probes::{PlacementReport, ProbeSet, Support},
     report::{AtlasFacts, BakeReport, Compression, Overlap, PlacementFacts, SceneFacts, Unseen},
@@ -48,7 +48,7 @@ pub(super) fn fill_results(
     receivers: &ReceiverSet,
     probes: &ProbeSet,
     support: &Support,
-    clusters: &[Cluster],
+    leaves: &[LeafTransport],
 ) {
     report.receivers = receivers.len() as u64;
     report.invalid_receivers = receivers.invalid.len() as u64;
@@ -60,14 +60,17 @@ pub(super) fn fill_results(
         min: counts.clone().min().unwrap_or(0),
         max: counts.max().unwrap_or(0),
     };
-    report.clusters = clusters.len() as u64;
-    let weighted: usize = clusters.iter().map(|cluster| cluster.members.len() * cluster.rows.n_coefficients).sum();
+    let clusters = || leaves.iter().flat_map(|leaf| &leaf.block.clusters);
+    let n_clusters = clusters().count();
+    report.clusters = n_clusters as u64;
+    let weighted: u64 =
+        clusters().map(|cluster| u64::from(cluster.n_receivers) * u64::from(cluster.n_coefficients)).sum();
     report.coefficients_per_receiver = weighted as f64 / receivers.len().max(1) as f64;
-    let linked: usize = clusters.iter().map(|cluster| cluster.probes.len()).sum();
-    report.probes_per_cluster = linked as f64 / clusters.len().max(1) as f64;
-    let unseen: Vec<f32> = clusters.iter().flat_map(|cluster| cluster.unseen.iter().copied()).collect();
+    let linked: usize = leaves.iter().map(|leaf| leaf.block.cluster_probes.len()).sum();
+    report.probes_per_cluster = linked as f64 / n_clusters.max(1) as f64;
+    let unseen: Vec<f32> = leaves.iter().flat_map(|leaf| leaf.unseen.iter().copied()).collect();
     report.unseen = Unseen::of(&unseen);
-    let errors = || clusters.iter().flat_map(|cluster| cluster.rows.row_error_squared.iter().copied());
+    let errors = || leaves.iter().flat_map(|leaf| leaf.row_error_squared.iter().copied());
     let n_rows = errors().count().max(1);
     report.compression = Compression {
         rms_error: (errors().sum::<f64>() / n_rows as f64).sqrt(),

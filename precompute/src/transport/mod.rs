@@ -111,6 +111,15 @@ impl std::ops::AddAssign for RayCounts {
     }
 }
 
+impl std::iter::Sum for RayCounts {
+    fn sum<I: Iterator<Item = Self>>(counts: I) -> Self {
+        counts.fold(Self::default(), |mut sum, count| {
+            sum += count;
+            sum
+        })
+    }
+}
+
 impl TransportScene<'_> {
     /// The leaf of the receivers `members`. A pure function of its arguments.
     pub fn leaf(&self, members: &[u32]) -> TransportLeaf {

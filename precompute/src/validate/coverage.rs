@@ -44,14 +44,14 @@ pub struct Coverage {
 impl Coverage {
     /// Counts.
     pub fn of(subject: &Subject<'_>) -> Self {
-        let clusters = subject.view.clusters;
+        let clusters = &subject.checked.transport().clusters;
         Self {
             unseen: Unseen::of(subject.view.receiver_unseen),
             probes_per_receiver: Count::of(
                 (0..subject.len() as u32).map(|receiver| subject.supporting(receiver).len() as u32),
             ),
-            receivers_per_cluster: Count::of(clusters.iter().map(|record| record.n_receivers)),
-            coefficients_per_cluster: Count::of(clusters.iter().map(|record| record.n_coefficients)),
+            receivers_per_cluster: Count::of(clusters.iter().map(|cluster| cluster.receivers.len() as u32)),
+            coefficients_per_cluster: Count::of(clusters.iter().map(|cluster| cluster.lights.len() as u32)),
             clusters: clusters.len(),
         }
     }

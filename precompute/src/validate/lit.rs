@@ -54,7 +54,7 @@ pub fn light(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, progress:
     let light = SceneLight::traced(subject.caster, &scene_texels(subject.caster, &view), lighting, &view);
     progress.check()?;
     let inputs = light.inputs(bounces);
-    let mut relighter = CpuRelighter::new(view).map_err(refused)?;
+    let mut relighter = CpuRelighter::new(subject.checked.clone());
     let mut previous = None;
     for gather in 0..bounces {
         progress.check()?;

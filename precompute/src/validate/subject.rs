@@ -15,8 +15,7 @@ use crate::{
     transport::{FitScene, GatherSet, NearField, TransportScene},
 };
 use glam::{Vec2, Vec3};
-use localprt_formats::{BakedView, sh};
-use localprt_runtime::CheckedBake;
+use localprt_formats::{BakedView, Checked, sh};
 use localprt_scenes::SurfacePoint;
 
 /// A baked file under validation.
@@ -32,7 +31,7 @@ pub struct Subject<'a> {
     /// `[n_faces]` whether the face has texels, its own or those of faces that it shares with.
     pub has_texels: Vec<bool>,
     /// The file, checked for relighting.
-    pub checked: CheckedBake<'a>,
+    pub checked: Checked<'a>,
     /// Cluster of each receiver, in file order.
     pub cluster: Vec<u32>,
     /// Receiver of each texel of the receiver map; `u32::MAX` where there is none.
@@ -60,8 +59,9 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// [`BakeError::Scene`] if scene and file do not fit each other, as after a bake by another version of this program;
     /// [`BakeError::Cancelled`].
-    pub fn new(view: BakedView<'a>, caster: &'a RayCaster<'a>, progress: &Progress) -> Result<Self, BakeError> {
+    pub fn new(checked: Checked<'a>, caster: &'a RayCaster<'a>, progress: &Progress) -> Result<Self, BakeError> {
         let _stage = progress.stage("receivers and probes", 0);
+        let view = *checked.view();
         let metadata = view.metadata;
         let settings = BakeSettings::of_file(&metadata.options)?;
         let atlas = Atlas::of(caster.scene());
@@ -98,8 +98,8 @@ impl<'a> Subject<'a> {
             at_texel[texel as usize] = receiver as u32;
         }
         let mut cluster = vec![0; place.len()];
-        for (index, record) in view.clusters.iter().enumerate() {
-            cluster[record.first_receiver as usize..][..record.n_receivers as usize].fill(index as u32);
+        for (index, own) in checked.transport().clusters.iter().enumerate() {
+            cluster[own.receivers.clone()].fill(index as u32);
         }
         let probe_basis = sh::Basis::new(metadata.probe_degree);
         let fit = match settings.transport {
@@ -118,7 +118,7 @@ impl<'a> Subject<'a> {
             has_texels: atlas.faces_with_texels(),
             view,
             caster,
-            checked: CheckedBake::new(view).map_err(|error| does_not_fit(&error.to_string()))?,
+            checked,
             settings,
             atlas,
             cluster,
@@ -138,7 +138,7 @@ impl<'a> Subject<'a> {
 
     /// What the receivers read near light from; `None` if they read none.
     fn near_field(&self) -> Option<NearField> {
-        let bytes = self.view.near.and(self.settings.near_bytes_in_force())?;
+        let bytes = self.settings.near_bytes_in_force().filter(|_| self.checked.has_near_light())?;
         let scene = self.caster.scene();
         let light_map = Atlas::of_light_map(scene);
         let has_receiver: Vec<bool> = self.at_texel.iter().map(|&receiver| receiver != u32::MAX).collect();

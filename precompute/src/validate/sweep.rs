@@ -126,7 +126,8 @@ pub fn run(
                     remedy: "validate with the scene that was written beside the baked file".into(),
                 });
             }
-            let again = Subject::new(output.arrays.view(), subject.caster, progress)?;
+            let checked = output.arrays.checked().map_err(|broken| BakeError::Internal { what: broken.to_string() })?;
+            let again = Subject::new(checked, subject.caster, progress)?;
             // Clusters, and so the order of the receivers, differ from bake to bake; their texels do not.
             let in_bake = |receiver: u32| again.at_texel[subject.view.receiver_texel[receiver as usize] as usize];
             let lit = light(&again, &state.state.lighting, settings.bounces, progress)?;

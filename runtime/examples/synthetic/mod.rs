@@ -3,7 +3,7 @@
 use glam::Vec3;
 use half::f16;
 use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, sh::Basis};
+use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, TransportBlock, sh::Basis};
 use localprt_runtime::SurfaceTexels;
 
 const N_RAYS: u32 = 8000;
@@ -89,31 +89,37 @@ pub fn bake(shape: Shape, surface: &SurfaceTexels) -> BakedArrays {
     let pack = |index: u32| unorm16(index % DIRECT_SIZE) | unorm16(index / DIRECT_SIZE) << 16;
     arrays.ray_uv = (0..n_hits).map(|i| pack(hit(i))).collect();
     arrays.ray_level = (0..n_hits).map(|i| (random(1, i) * 6.0) as u8).collect();
-    let n_projection = shape.n_coefficients * shape.probes_per_cluster * n_sh as u32;
-    let n_reconstruction = shape.n_coefficients * shape.receivers_per_cluster;
-    for cluster in 0..shape.n_clusters {
-        arrays.clusters.push(ClusterRecord {
-            first_receiver: cluster * shape.receivers_per_cluster,
-            n_receivers: shape.receivers_per_cluster,
-            first_probe: cluster * shape.probes_per_cluster,
-            n_probes: shape.probes_per_cluster,
-            n_coefficients: shape.n_coefficients,
-            first_light: cluster * shape.n_coefficients,
-            projection_pair: cluster * n_projection / 2,
-            reconstruction_pair: cluster * n_reconstruction / 2,
-            ..ClusterRecord::default()
-        });
-        let first = (cluster * 7) % (shape.n_probes - shape.probes_per_cluster);
-        arrays.cluster_probes.extend(first..first + shape.probes_per_cluster);
+    // A block of so many clusters has about as many receivers as a leaf.
+    let clusters_per_block = (1000 / shape.receivers_per_cluster).max(1);
+    let record = ClusterRecord {
+        n_receivers: shape.receivers_per_cluster,
+        n_probes: shape.probes_per_cluster,
+        n_sky: 0,
+        n_coefficients: shape.n_coefficients,
+    };
+    let n_projection = u64::from(shape.n_coefficients * shape.probes_per_cluster) * n_sh as u64;
+    let n_reconstruction = u64::from(shape.n_coefficients * shape.receivers_per_cluster);
+    let weights = |stream: u64, cluster: u32, count: u64| -> Vec<f16> {
+        (0..count).map(|i| f16::from_f64(random(stream, u64::from(cluster) * count + i) - 0.5)).collect()
+    };
+    let mut first_cluster = 0;
+    while first_cluster < shape.n_clusters {
+        let end = shape.n_clusters.min(first_cluster + clusters_per_block);
+        let mut block = TransportBlock::default();
+        for cluster in first_cluster..end {
+            let first = (cluster * 7) % (shape.n_probes - shape.probes_per_cluster);
+            let probes: Vec<u32> = (first..first + shape.probes_per_cluster).collect();
+            block.push(record, &probes, &weights(2, cluster, n_projection), &weights(3, cluster, n_reconstruction));
+        }
+        arrays.blocks.push(&block, &vec![[0.0; 3]; block.n_receivers()]);
+        first_cluster = end;
     }
-    let weight = |stream, i| f16::from_f64(random(stream, i) - 0.5);
-    arrays.projection = (0..u64::from(shape.n_clusters) * u64::from(n_projection)).map(|i| weight(2, i)).collect();
-    arrays.reconstruction =
-        (0..u64::from(shape.n_clusters) * u64::from(n_reconstruction)).map(|i| weight(3, i)).collect();
     let n_receivers = shape.n_clusters * shape.receivers_per_cluster;
     // Every fifth texel: 1.25 of 1.48 million.
     arrays.receiver_texel = (0..n_receivers).map(|receiver| receiver * 5).collect();
     arrays.receiver_normal = vec![[0.0, 1.0, 0.0]; n_receivers as usize];
+    arrays.receiver_position = vec![[0.0; 3]; n_receivers as usize];
+    arrays.receiver_unseen = vec![0.0; n_receivers as usize];
     arrays.gutters = (0..n_receivers / 4).map(|i| [i * 5 + 1, i]).collect();
     arrays
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::test_bake;
-use localprt_formats::{BakedArrays, LEVEL_SKY};
+use localprt_formats::LEVEL_SKY;
 use localprt_scenes::{Material, Mesh, Sky};
 use std::f64::consts::PI;
 
@@ -46,7 +46,7 @@ fn assert_furnace(relit: &Relit, expected: f64) {
 #[test]
 fn bounces_in_a_furnace_form_the_geometric_series() {
     let arrays = test_bake::furnace(2);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     for albedo in [0.0, 0.5, 0.8] {
         let surface = uniform_surface(8, albedo, 2.0, 0.0);
         for bounces in 0..8 {
@@ -61,7 +61,7 @@ fn bounces_in_a_furnace_form_the_geometric_series() {
 #[test]
 fn a_furnace_settles_at_emission_over_one_minus_albedo() {
     let arrays = test_bake::furnace(2);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     let surface = uniform_surface(8, 0.8, 2.0, 0.0);
     // 0.8^100 = 2e-10 is left to come.
     gi.relight(&RelightInputs { bounces: 100, ..RelightInputs::new(&surface) }).unwrap();
@@ -75,7 +75,7 @@ fn a_furnace_settles_at_emission_over_one_minus_albedo() {
 #[test]
 fn albedo_one_is_capped_in_the_feedback() {
     let arrays = test_bake::furnace(1);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     let surface = uniform_surface(8, 1.0, 2.0, 0.0);
     // 0.95^400 = 1e-9.
     let relit = gi.relight(&RelightInputs { bounces: 400, ..RelightInputs::new(&surface) }).unwrap();
@@ -85,7 +85,7 @@ fn albedo_one_is_capped_in_the_feedback() {
 #[test]
 fn direct_light_is_reflected_before_it_is_gathered() {
     let arrays = test_bake::furnace(1);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     let surface = uniform_surface(8, 0.5, 0.0, 3.0);
     let relit = gi.relight(&RelightInputs::new(&surface)).unwrap();
     // L = 0.5 / pi * 3, E = pi g L.
@@ -98,8 +98,8 @@ fn steps_are_the_bounces_of_one_relight() {
     let arrays = test_bake::random(2, 1, 2);
     let surface = uniform_surface(8, 0.5, 1.0, 2.0);
     let inputs = RelightInputs { bounces: 3, ..RelightInputs::new(&surface) };
-    let mut whole = CpuRelighter::new(arrays.view()).unwrap();
-    let mut stepped = CpuRelighter::new(arrays.view()).unwrap();
+    let mut whole = CpuRelighter::new(arrays.checked().unwrap());
+    let mut stepped = CpuRelighter::new(arrays.checked().unwrap());
     let fresh = stepped.relit().clone();
     whole.relight(&inputs).unwrap();
     for _ in 0..3 {
@@ -115,19 +115,19 @@ fn steps_are_the_bounces_of_one_relight() {
 fn no_bounce_gives_no_light_but_a_covered_map() {
     let arrays = test_bake::random(1, 0, 1);
     let surface = uniform_surface(8, 0.5, 1.0, 2.0);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     gi.relight(&RelightInputs::new(&surface)).unwrap();
     let relit = gi.relight(&RelightInputs { bounces: 0, ..RelightInputs::new(&surface) }).unwrap();
     assert!(relit.irradiance.iter().all(|value| *value == Vec3::ZERO));
     let covered: Vec<_> = (0..16).filter(|&texel| relit.irradiance_map.coverage(texel) == 1.0).collect();
-    // 11 receivers in clusters, gutters at 13 and 14, a receiver without cluster at 15.
-    assert_eq!(covered, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 14, 15]);
+    // 11 receivers, and gutters at 13 and 14.
+    assert_eq!(covered, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 14]);
 }
 
 #[test]
 fn light_goes_out_when_the_lights_do() {
     let arrays = test_bake::furnace(1);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     let lit = uniform_surface(8, 0.5, 2.0, 0.0);
     let before = gi.relight(&RelightInputs { bounces: 30, ..RelightInputs::new(&lit) }).unwrap().irradiance[0].x;
     let dark = uniform_surface(8, 0.5, 0.0, 0.0);
@@ -146,7 +146,7 @@ fn the_sky_reaches_receivers_and_probes_each_in_its_way() {
     let sky = vec![Vec3::new(1.0, 0.5, 0.25); test_bake::N_RAYS as usize];
     let without = RelightInputs { sky_rays: &sky, ..RelightInputs::new(&surface) };
     let inputs = RelightInputs { sky_in_probes: true, ..without };
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     assert_furnace(gi.relight(&inputs).unwrap(), furnace_irradiance(0.5, 1.0, 1));
     assert!(gi.relight(&without).unwrap().irradiance.iter().all(|value| *value == Vec3::ZERO));
 }
@@ -159,7 +159,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let inputs = RelightInputs { sky_sh: &sky_sh, sky_rays: &sky_rays, bounces: 3, ..RelightInputs::new(&surface) };
     let run = |threads| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-            let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+            let mut gi = CpuRelighter::new(arrays.checked().unwrap());
             gi.relight(&inputs).unwrap();
             (gi.light_map().to_vec(), gi.probe_radiance().to_vec(), gi.cluster_lights().to_vec(), gi.relit().clone())
         })
@@ -173,8 +173,8 @@ fn results_do_not_depend_on_the_number_of_threads() {
 fn the_volume_holds_the_radiance_that_the_last_gather_read() {
     for degree in [1, 2] {
         let arrays = test_bake::furnace_volume(2, degree);
-        let mut gi = CpuRelighter::new(arrays.view()).unwrap();
-        let n_k = gi.baked().volume().unwrap().n_k();
+        let mut gi = CpuRelighter::new(arrays.checked().unwrap());
+        let n_k = gi.volume_cells().unwrap().n_k();
         assert!(gi.volume().unwrap().iter().all(|value| *value == Vec3::ZERO));
         let surface = uniform_surface(8, 0.5, 2.0, 0.0);
         let inputs = RelightInputs { bounces: 3, ..RelightInputs::new(&surface) };
@@ -202,7 +202,7 @@ fn the_volume_holds_the_radiance_that_the_last_gather_read() {
         }
         assert_eq!((gi.relit(), gi.volume().unwrap()), (&relit, &cells[..]));
         let without = test_bake::furnace(2);
-        let mut other = CpuRelighter::new(without.view()).unwrap();
+        let mut other = CpuRelighter::new(without.checked().unwrap());
         assert_eq!(other.relight(&inputs).unwrap(), &relit);
         assert!(other.volume().is_none() && other.volume_sampler().is_none());
     }
@@ -211,7 +211,7 @@ fn the_volume_holds_the_radiance_that_the_last_gather_read() {
 #[test]
 fn wrong_inputs_are_refused_and_leave_the_light_alone() {
     let arrays = test_bake::furnace(1);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     let surface = uniform_surface(8, 0.5, 1.0, 0.0);
     let good = RelightInputs::new(&surface);
     let before = gi.relight(&good).unwrap().clone();
@@ -234,13 +234,12 @@ fn wrong_inputs_are_refused_and_leave_the_light_alone() {
         assert_eq!(gi.relit(), &before);
     }
     assert!(gi.relight(&RelightInputs { feedback_albedo_cap: f32::NAN, ..good }).is_err());
-    assert!(CpuRelighter::new(BakedArrays::default().view()).is_err());
 }
 
 #[test]
 fn a_lighting_needs_a_scene_and_finite_colors() {
     let arrays = test_bake::furnace(2);
-    let mut gi = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gi = CpuRelighter::new(arrays.checked().unwrap());
     assert_eq!(gi.set_lighting(&Lighting::default()), Err(RelightError::NoScene));
     assert_eq!(gi.bounce().err(), Some(RelightError::NoScene));
     let scene = Scene {

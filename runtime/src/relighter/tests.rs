@@ -9,8 +9,8 @@ use crate::passes::direct_irradiance::DirectOptions;
 use crate::test_gpu::{device, device_with, relative_rms};
 use crate::{CoverageMap, CpuRelighter, MAX_OCCLUDERS, OccluderShape, RelightInputs, test_bake};
 use half::f16;
-use localprt_formats::BakedArrays;
 use localprt_formats::directions::counter_uniform;
+use localprt_formats::{BakedArrays, VolumeArrays};
 
 /// Both sides add the same numbers in another order, in f32: sums of up to 1000 rays and 217 columns, whose errors grow
 /// with the root of their number: 2^-24 * sqrt(1000) = 2e-6. Maps in half precision are compared elsewhere.
@@ -114,8 +114,8 @@ fn assert_passes_agree(gpu: &Relighter, cpu: &CpuRelighter<'_>, tolerance: f64) 
 /// Three gathers of both relighters under the same light, compared pass by pass after each.
 #[track_caller]
 fn assert_chain_agrees(device: &wgpu::Device, queue: &wgpu::Queue, arrays: &BakedArrays, sky: bool) -> usize {
-    let mut gpu = Relighter::new(device, queue, arrays.view(), SINGLE).unwrap();
-    let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gpu = Relighter::new(device, queue, &arrays.checked().unwrap(), SINGLE).unwrap();
+    let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
     let surface = surface(arrays.metadata.direct_size, 5);
     let sky_sh = test_bake::random_colors(2, if sky { arrays.metadata.n_sky() } else { 0 });
     let sky_rays: Vec<Vec3> = test_bake::random_colors(3, if sky { arrays.ray_dirs.len() } else { 0 });
@@ -136,28 +136,14 @@ fn repeated(copies: usize) -> BakedArrays {
     let mut arrays = test_bake::random(3, 1, 2);
     arrays.metadata.lightmap_size = 256;
     let original = arrays.clone();
-    // The last receiver has no cluster; copies go before it.
-    let (n_receivers, n_lights) = (11, 6);
-    for copy in 1..copies as u32 {
-        for record in &original.clusters {
-            let mut record = *record;
-            record.first_receiver += copy * n_receivers;
-            record.first_light += copy * n_lights;
-            record.first_probe += copy * original.cluster_probes.len() as u32;
-            record.projection_pair += copy * (original.projection.len() / 2) as u32;
-            record.reconstruction_pair += copy * (original.reconstruction.len() / 2) as u32;
-            arrays.clusters.push(record);
-        }
-        arrays.cluster_probes.extend(&original.cluster_probes);
-        arrays.projection.extend(&original.projection);
-        arrays.reconstruction.extend(&original.reconstruction);
-    }
-    let n = n_receivers * copies as u32 + 1;
+    let blocks = vec![test_bake::blocks(&arrays); copies].concat();
+    let n = (original.receiver_texel.len() * copies) as u32;
     arrays.receiver_texel = (0..n).map(|receiver| receiver * 3).collect();
     arrays.gutters = (0..n).map(|receiver| [receiver * 3 + 1, receiver]).collect();
     let repeat = |values: &[[f32; 3]]| (0..n as usize).map(|receiver| values[receiver % values.len()]).collect();
     arrays.receiver_normal = repeat(&original.receiver_normal);
     arrays.receiver_position = repeat(&original.receiver_position);
     arrays.receiver_unseen = vec![0.0; n as usize];
+    test_bake::set_blocks(&mut arrays, &blocks);
     arrays
 }

@@ -1,6 +1,6 @@
 // Shared by all passes.
 
-// formats::ClusterRecord; offsets within the page.
+// PageCluster of transport_pages.rs; offsets within the page, of matrices in pairs of f16.
 struct Cluster {
     first_receiver: u32,
     n_receivers: u32,
@@ -11,7 +11,6 @@ struct Cluster {
     first_light: u32,
     projection_pair: u32,
     reconstruction_pair: u32,
-    reserved: u32,
 }
 
 // Number of the workgroup in a dispatch that may have two dimensions.

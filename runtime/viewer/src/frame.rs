@@ -80,12 +80,12 @@ impl Renderer {
         let (device, queue) = (&gpu.device, &gpu.queue);
         let direct = shadow_options(device, bake, lights)?;
         let options = RelighterOptions { direct, ..RelighterOptions::default() };
-        let mut gi = Relighter::new(device, queue, bake.baked, options).map_err(refused)?;
+        let mut gi = Relighter::new(device, queue, &bake.baked, options).map_err(refused)?;
         gi.set_texels(&bake.texels, &bake.casters).map_err(refused)?;
         let draw = SceneDraw::new(device, queue, bake.scene(), &gi, DrawOptions::default())
             .map_err(|error| CommandError::of(Exit::Internal, &error))?;
         let renderer = Self {
-            overlays: Overlays::new(device, &gi, &bake.baked),
+            overlays: Overlays::new(device, &gi, bake.baked.view()),
             target: OffscreenTarget::new(device, width, height),
             timestamps: Timestamps::new(device, queue),
             meter: Meter::default(),
@@ -244,7 +244,7 @@ impl Renderer {
             self.applied.lights = Some(stage.lights.clone());
         }
         if self.applied.stage.as_ref().is_none_or(|last| last.objects != stage.objects) {
-            let occluders = if bake.baked.ray_distance.is_empty() { &[] } else { stage.occluders.as_slice() };
+            let occluders = if bake.baked.view().ray_distance.is_empty() { &[] } else { stage.occluders.as_slice() };
             self.gi.set_occluders(occluders).map_err(refused)?;
             let casters =
                 if stage.objects.is_empty() { ShadowCasters::default() } else { moving_casters(&stage.objects) };
@@ -262,7 +262,7 @@ impl Renderer {
         }
         if self.applied.sky.as_ref().is_none_or(|sky| !Arc::ptr_eq(sky, &state.sky)) {
             let sky = &state.sky;
-            let sh = if sky.is_black() { Vec::new() } else { sky_sh(sky, bake.baked.metadata.sky_degree) };
+            let sh = if sky.is_black() { Vec::new() } else { sky_sh(sky, bake.baked.view().metadata.sky_degree) };
             self.gi.set_sky(&sh, &[]).map_err(refused)?;
             self.draw.set_sky(device, queue, sky);
             self.applied.sky = Some(Arc::clone(sky));

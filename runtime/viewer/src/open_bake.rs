@@ -1,7 +1,7 @@
 //! What one run of the viewer shows: a baked file, its scene, and what follows from the two.
 
 use glam::Vec3;
-use localprt_formats::{Baked, BakedView};
+use localprt_formats::{Baked, Checked};
 use localprt_runtime::scene_light::scene_texels;
 use localprt_runtime::{SceneTexels, ShadowCasters};
 use localprt_scenes::{Camera, Scene};
@@ -74,8 +74,8 @@ fn reference_beside(path: &Path, baked: &Baked) -> (Option<ReferenceFile>, Optio
 pub struct OpenBake<'a> {
     /// The files.
     pub files: &'a Files,
-    /// The baked file's arrays.
-    pub baked: BakedView<'a>,
+    /// The baked file, every block checked.
+    pub baked: Checked<'a>,
     /// Rays against the scene.
     pub caster: RayCaster<'a>,
     /// Texels of the direct light map.
@@ -92,16 +92,16 @@ impl<'a> OpenBake<'a> {
     /// Prepares files.
     ///
     /// # Errors
-    /// A scene without triangles.
+    /// A scene without triangles, or a file whose transport breaks a rule.
     pub fn new(files: &'a Files) -> Result<Self, CommandError> {
-        let (scene, baked) = (&files.scene, files.baked.view());
+        let (scene, baked) = (&files.scene, inputs::checked(&files.path, &files.baked)?);
         let empty = || {
             let help = "bake a scene that has some";
             CommandError::new(Exit::InvalidInput, "the scene has no triangles").in_file(&files.path).help(help)
         };
         let bounds = scene.bounds().ok_or_else(empty)?;
         let caster = inputs::caster(scene)?;
-        let texels = scene_texels(&caster, &baked);
+        let texels = scene_texels(&caster, baked.view());
         let cameras = match scene.cameras.is_empty() {
             false => scene.cameras.clone(),
             true => vec![inputs::camera(&caster, None)?],
@@ -119,9 +119,9 @@ impl<'a> OpenBake<'a> {
         format!(
             "{}: {} receivers, {} probes, {} clusters; on {device}; ready in {:.2} s",
             self.files.path.display(),
-            self.baked.receiver_position.len(),
-            self.baked.probes.len(),
-            self.baked.clusters.len(),
+            self.baked.n_receivers(),
+            self.baked.n_probes(),
+            self.baked.transport().clusters.len(),
             took.as_secs_f64()
         )
     }
@@ -133,16 +133,16 @@ impl<'a> OpenBake<'a> {
 
     /// Median support radius of the probes, metres; 0 without probes.
     pub fn median_support_radius_m(&self) -> f32 {
-        let mut radii: Vec<f32> = self.baked.probes.iter().map(|probe| probe.support_radius_m).collect();
+        let mut radii: Vec<f32> = self.baked.view().probes.iter().map(|probe| probe.support_radius_m).collect();
         radii.sort_unstable_by(f32::total_cmp);
         radii.get(radii.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// The receiver nearest to a point among those whose normals face the same way as `normal`.
     pub fn nearest_receiver(&self, point: Vec3, normal: Vec3) -> Option<u32> {
-        let distance = |receiver: usize| point.distance_squared(self.baked.receiver_position[receiver].into());
-        (0..self.baked.receiver_position.len())
-            .filter(|&receiver| normal.dot(self.baked.receiver_normal[receiver].into()) > 0.5)
+        let distance = |receiver: usize| point.distance_squared(self.baked.view().receiver_position[receiver].into());
+        (0..self.baked.n_receivers())
+            .filter(|&receiver| normal.dot(self.baked.view().receiver_normal[receiver].into()) > 0.5)
             .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
             .map(|receiver| receiver as u32)
     }

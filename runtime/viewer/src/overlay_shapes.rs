@@ -4,7 +4,7 @@
 use crate::overlays::OverlayLine;
 use glam::Vec3;
 use localprt_formats::weight::weight_kernel;
-use localprt_formats::{BakedView, LEVEL_BLACK, LEVEL_SKY, Probe, node_level_and_texel};
+use localprt_formats::{BakedView, Checked, LEVEL_BLACK, LEVEL_SKY, Probe, node_level_and_texel};
 use localprt_runtime::SceneTexels;
 use localprt_scenes::{Light, LightKind};
 use std::f32::consts::TAU;
@@ -74,21 +74,18 @@ pub struct Support {
 }
 
 /// The probes that a receiver gets its light from, and how much of its transport is theirs. Empty for a receiver that does
-/// not exist or that has no cluster.
-pub fn supporting_probes(baked: &BakedView<'_>, receiver: u32) -> Support {
-    let after = baked.clusters.partition_point(|cluster| cluster.first_receiver <= receiver);
-    let Some(cluster) = baked.clusters[..after].last() else { return Support::default() };
-    let local = receiver - cluster.first_receiver;
-    let Some(&position) = baked.receiver_position.get(receiver as usize).filter(|_| local < cluster.n_receivers) else {
+/// not exist.
+pub fn supporting_probes(baked: &Checked<'_>, receiver: u32) -> Support {
+    let transport = baked.transport();
+    let Some(cluster) = transport.cluster_of(receiver as usize).map(|number| &transport.clusters[number]) else {
         return Support::default();
     };
-    let (n_sh, n_k) = (baked.metadata.n_sh(), baked.metadata.n_k());
-    let probes = &baked.cluster_probes[cluster.first_probe as usize..][..cluster.n_probes as usize];
-    let (n_coefficients, n_sky) = (cluster.n_coefficients as usize, cluster.n_sky as usize);
-    let n_columns = probes.len() * n_sh + n_sky;
-    let projection = &baked.projection[2 * cluster.projection_pair as usize..][..n_coefficients * n_columns];
-    let rows =
-        &baked.reconstruction[2 * cluster.reconstruction_pair as usize..][local as usize * n_k * n_coefficients..];
+    let position = baked.view().receiver_position[receiver as usize];
+    let (n_sh, n_k) = (transport.n_sh, transport.n_k);
+    let (probes, n_coefficients) = (cluster.probes, cluster.lights.len());
+    let n_columns = probes.len() * n_sh + cluster.n_sky;
+    let first = (receiver as usize - cluster.receivers.start) * n_k * n_coefficients;
+    let (projection, rows) = (cluster.projection, &cluster.reconstruction[first..]);
     // Square sums by probe, and of the sky at the end.
     let mut squares = vec![0.0f64; probes.len() + 1];
     for row in rows[..n_k * n_coefficients].chunks_exact(n_coefficients.max(1)) {
@@ -107,7 +104,7 @@ pub fn supporting_probes(baked: &BakedView<'_>, receiver: u32) -> Support {
         .iter()
         .zip(&squares)
         .map(|(&probe, &square)| {
-            let record = &baked.probes[probe as usize];
+            let record = &baked.view().probes[probe as usize];
             let distance_m = Vec3::from(record.position).distance(position.into());
             let kernel_weight = weight_kernel(distance_m / record.support_radius_m);
             SupportingProbe { probe, distance_m, kernel_weight, row_share: share(square) }
@@ -119,21 +116,22 @@ pub fn supporting_probes(baked: &BakedView<'_>, receiver: u32) -> Support {
 
 /// A receiver's normal, and a line to each probe of [`supporting_probes`], colored by its kernel weight: violet and thin
 /// for none, yellow and thick for 1. Empty for a receiver that does not exist.
-pub fn receiver_lines(baked: &BakedView<'_>, receiver: u32) -> Vec<OverlayLine> {
+pub fn receiver_lines(baked: &Checked<'_>, receiver: u32) -> Vec<OverlayLine> {
     let index = receiver as usize;
-    let (Some(&position), Some(&normal)) = (baked.receiver_position.get(index), baked.receiver_normal.get(index))
+    let (Some(&position), Some(&normal)) =
+        (baked.view().receiver_position.get(index), baked.view().receiver_normal.get(index))
     else {
         return Vec::new();
     };
     let position = Vec3::from(position);
     let support = supporting_probes(baked, receiver);
     let nearest = support.probes.iter().map(|probe| probe.distance_m).reduce(f32::min);
-    let [low, high] = baked.metadata.bounds.map(Vec3::from);
+    let [low, high] = baked.view().metadata.bounds.map(Vec3::from);
     let normal_m = nearest.map_or(0.02 * (high - low).max_element(), |distance| 0.4 * distance);
     // The strongest last, over the others.
     let to_probe = |probe: &SupportingProbe| {
         let weight = probe.kernel_weight;
-        let to = Vec3::from(baked.probes[probe.probe as usize].position);
+        let to = Vec3::from(baked.view().probes[probe.probe as usize].position);
         line(position, to, weight_color(weight), 0.5 + 0.5 * weight, 1.5 + 2.5 * weight)
     };
     let mut probes = support.probes;
@@ -146,11 +144,9 @@ pub fn receiver_lines(baked: &BakedView<'_>, receiver: u32) -> Vec<OverlayLine> 
 
 /// Lines from a receiver to the places of the light map that it reads, colored by weight over that of the strongest. Nodes that
 /// no texel of the scene covers have no place.
-pub fn link_lines(baked: &BakedView<'_>, texels: &SceneTexels, receiver: u32) -> Vec<OverlayLine> {
-    let (Some(near), Some(&position)) = (&baked.near, baked.receiver_position.get(receiver as usize)) else {
-        return Vec::new();
-    };
-    let mut links = near.links_of(receiver);
+pub fn link_lines(baked: &Checked<'_>, texels: &SceneTexels, receiver: u32) -> Vec<OverlayLine> {
+    let Some(&position) = baked.view().receiver_position.get(receiver as usize) else { return Vec::new() };
+    let mut links = baked.transport().links_of(receiver as usize);
     links.sort_by(|a, b| a.1.total_cmp(&b.1));
     let strongest = links.last().map_or(0.0, |link| link.1);
     let to_node = |&(node, weight): &(u32, f32)| {

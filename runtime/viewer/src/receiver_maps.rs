@@ -4,7 +4,7 @@
 //! [`SceneDraw::set_receiver_map`](crate::SceneDraw::set_receiver_map). Light has no part in it.
 
 use crate::views::ViewKind;
-use localprt_formats::BakedView;
+use localprt_formats::Checked;
 use localprt_tools::metrics::percentile;
 use localprt_tools::reference_file::ReferenceFile;
 use localprt_tools::{ramp::Ramp, range::nice_range};
@@ -52,7 +52,7 @@ const DARKER: f32 = 0.6;
 
 /// The map of a view: `None` for views that are not maps, and for [`ViewKind::Error`] without a reference. That the
 /// reference is of this bake is for [`ReferenceFile::matches`] to say.
-pub fn receiver_map(view: ViewKind, baked: &BakedView<'_>, reference: Option<&ReferenceFile>) -> Option<ReceiverMap> {
+pub fn receiver_map(view: ViewKind, baked: &Checked<'_>, reference: Option<&ReferenceFile>) -> Option<ReceiverMap> {
     match view {
         ViewKind::Final | ViewKind::Lighting | ViewKind::Direct | ViewKind::Indirect => None,
         ViewKind::Unseen => Some(unseen(baked)),
@@ -63,8 +63,8 @@ pub fn receiver_map(view: ViewKind, baked: &BakedView<'_>, reference: Option<&Re
     }
 }
 
-fn unseen(baked: &BakedView<'_>) -> ReceiverMap {
-    let values = baked.receiver_unseen;
+fn unseen(baked: &Checked<'_>) -> ReceiverMap {
+    let values = baked.view().receiver_unseen;
     let [low, high] = nice_range(values, 99.0);
     let shares: Vec<f64> = values.iter().map(|&value| value.into()).collect();
     let legend = Legend {
@@ -78,7 +78,7 @@ fn unseen(baked: &BakedView<'_>) -> ReceiverMap {
     ramp_map(baked, values, legend)
 }
 
-fn coefficients(baked: &BakedView<'_>) -> ReceiverMap {
+fn coefficients(baked: &Checked<'_>) -> ReceiverMap {
     let values: Vec<f32> =
         clusters::of_receivers(baked).into_iter().map(|cluster| kept(baked, cluster) as f32).collect();
     let counts: Vec<f64> = values.iter().map(|&value| value.into()).collect();
@@ -89,14 +89,14 @@ fn coefficients(baked: &BakedView<'_>) -> ReceiverMap {
     ramp_map(baked, &values, legend)
 }
 
-fn kept(baked: &BakedView<'_>, cluster: u32) -> u32 {
-    baked.clusters.get(cluster as usize).map_or(0, |cluster| cluster.n_coefficients)
+fn kept(baked: &Checked<'_>, cluster: u32) -> u32 {
+    baked.transport().clusters.get(cluster as usize).map_or(0, |cluster| cluster.lights.len() as u32)
 }
 
-fn cluster_map(baked: &BakedView<'_>) -> ReceiverMap {
+fn cluster_map(baked: &Checked<'_>) -> ReceiverMap {
     let colors = clusters::colors(baked);
     let of_receiver = clusters::of_receivers(baked);
-    let sizes: Vec<f64> = baked.clusters.iter().map(|cluster| cluster.n_receivers.into()).collect();
+    let sizes: Vec<f64> = baked.transport().clusters.iter().map(|cluster| cluster.receivers.len() as f64).collect();
     let note = format!(
         "{} clusters of {:.0} receivers in the mean, {} to {}",
         sizes.len(),
@@ -108,16 +108,16 @@ fn cluster_map(baked: &BakedView<'_>) -> ReceiverMap {
     map(baked, rgba, Legend { title: "Clusters".into(), note, ..Legend::default() })
 }
 
-fn texels(baked: &BakedView<'_>) -> ReceiverMap {
+fn texels(baked: &Checked<'_>) -> ReceiverMap {
     let colors = clusters::colors(baked);
     let of_receiver = clusters::of_receivers(baked);
-    let size = baked.metadata.lightmap_size;
+    let size = baked.view().metadata.lightmap_size;
     let [red, green, blue] = EMPTY;
     let mut rgba = [red, green, blue, 255].repeat(size as usize * size as usize);
-    for &[texel, _] in baked.gutters {
+    for &[texel, _] in baked.view().gutters {
         set(&mut rgba, texel, GUTTER);
     }
-    for (receiver, &texel) in baked.receiver_texel.iter().enumerate() {
+    for (receiver, &texel) in baked.view().receiver_texel.iter().enumerate() {
         let color = color_of(&colors, &of_receiver, receiver);
         let is_dark = (texel % size.max(1) + texel / size.max(1)) & 1 == 1;
         let shade = |value: u8| {
@@ -128,8 +128,8 @@ fn texels(baked: &BakedView<'_>) -> ReceiverMap {
     }
     let note = format!(
         "{size} x {size}: {} receivers, {} texels of gutters (white), the rest (black) empty",
-        baked.receiver_texel.len(),
-        baked.gutters.len()
+        baked.view().receiver_texel.len(),
+        baked.view().gutters.len()
     );
     map(baked, rgba, Legend { title: "Receiver texels".into(), note, ..Legend::default() })
 }
@@ -140,7 +140,7 @@ fn color_of(colors: &[[u8; 3]], of_receiver: &[u32], receiver: usize) -> [u8; 3]
 }
 
 /// `values`: `[n_receivers]`; NaN is mid gray. The legend's range becomes its colors.
-fn ramp_map(baked: &BakedView<'_>, values: &[f32], legend: Legend) -> ReceiverMap {
+fn ramp_map(baked: &Checked<'_>, values: &[f32], legend: Legend) -> ReceiverMap {
     let Legend { low, high, .. } = legend;
     let color = |value: f32| Ramp::Sequential.color((value - low) / (high - low));
     let rgba = paint(baked, |receiver| color(values.get(receiver).copied().unwrap_or(f32::NAN)));
@@ -148,18 +148,18 @@ fn ramp_map(baked: &BakedView<'_>, values: &[f32], legend: Legend) -> ReceiverMa
     map(baked, rgba, Legend { colors, ..legend })
 }
 
-fn map(baked: &BakedView<'_>, rgba: Vec<u8>, legend: Legend) -> ReceiverMap {
-    ReceiverMap { size: baked.metadata.lightmap_size, rgba, legend }
+fn map(baked: &Checked<'_>, rgba: Vec<u8>, legend: Legend) -> ReceiverMap {
+    ReceiverMap { size: baked.view().metadata.lightmap_size, rgba, legend }
 }
 
 /// Receivers in their texels, and gutters as the receivers whose light they take.
-fn paint(baked: &BakedView<'_>, color: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
-    let size = baked.metadata.lightmap_size as usize;
+fn paint(baked: &Checked<'_>, color: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
+    let size = baked.view().metadata.lightmap_size as usize;
     let mut rgba = vec![0; 4 * size * size];
-    for &[texel, receiver] in baked.gutters {
+    for &[texel, receiver] in baked.view().gutters {
         set(&mut rgba, texel, color(receiver as usize));
     }
-    for (receiver, &texel) in baked.receiver_texel.iter().enumerate() {
+    for (receiver, &texel) in baked.view().receiver_texel.iter().enumerate() {
         set(&mut rgba, texel, color(receiver));
     }
     rgba

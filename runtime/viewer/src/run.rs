@@ -98,7 +98,7 @@ fn bring(state: &mut ViewState, cli: &Cli, bake: &OpenBake<'_>) -> Result<(), Co
 
 fn set_overlays(state: &mut ViewState, cli: &Cli, bake: &OpenBake<'_>, aspect: f32) -> Result<(), CommandError> {
     let shows = |name: OverlayName| cli.overlay.contains(&name);
-    let n_probes = bake.baked.probes.len();
+    let n_probes = bake.baked.view().probes.len();
     if let Some(probe) = cli.probe.filter(|&probe| probe as usize >= n_probes) {
         let help = format!("give a number below {n_probes}");
         return Err(CommandError::new(Exit::Usage, format!("the file has no probe {probe}")).help(help));

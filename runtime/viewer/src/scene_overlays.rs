@@ -19,13 +19,13 @@ const GIZMO_SHARE: f32 = 0.12;
 pub fn overlay_lines(bake: &OpenBake<'_>, state: &ViewState, stage: &Stage) -> Vec<OverlayLine> {
     let overlays = &state.overlays;
     let mut lines = Vec::new();
-    if let Some(probe) = overlays.probe.filter(|&probe| (probe as usize) < bake.baked.probes.len()) {
-        lines.extend(support_sphere(&bake.baked.probes[probe as usize]));
+    if let Some(probe) = overlays.probe.filter(|&probe| (probe as usize) < bake.baked.view().probes.len()) {
+        lines.extend(support_sphere(&bake.baked.view().probes[probe as usize]));
         if overlays.rays {
-            lines.extend(probe_rays(&bake.baked, probe, MOST_RAYS));
+            lines.extend(probe_rays(bake.baked.view(), probe, MOST_RAYS));
         }
     }
-    if let Some(receiver) = overlays.receiver.filter(|&it| (it as usize) < bake.baked.receiver_position.len()) {
+    if let Some(receiver) = overlays.receiver.filter(|&it| (it as usize) < bake.baked.view().receiver_position.len()) {
         lines.extend(receiver_lines(&bake.baked, receiver));
         lines.extend(link_lines(&bake.baked, &bake.texels, receiver));
     }

@@ -273,7 +273,7 @@ fn probe_under(app: &App<'_>, origin: Vec3, dir: Vec3) -> Option<(f32, u32)> {
         let beside_2 = (center - origin).length_squared() - along * along;
         (along > 0.0 && beside_2 <= radius_m * radius_m).then(|| along - (radius_m * radius_m - beside_2).sqrt())
     };
-    let probes = app.bake.baked.probes.iter().enumerate();
+    let probes = app.bake.baked.view().probes.iter().enumerate();
     probes
         .filter_map(|(index, probe)| Some((distance(probe.position.into())?, index as u32)))
         .min_by(|a, b| a.0.total_cmp(&b.0))

@@ -2,12 +2,14 @@
 
 mod dark_file;
 
-use dark_file::{dark_file, device};
+use dark_file::{dark_file, device, one_receiver};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4, camera::rh::view::look_at_mat4};
 use half::f16;
 use localprt_formats::sh::{Basis, function_count};
 use localprt_formats::weight::weight_kernel;
-use localprt_formats::{BakedArrays, ClusterRecord, LEVEL_BLACK, Metadata, Probe, VolumeArrays, VolumeGrid};
+use localprt_formats::{
+    BakedArrays, BlockArrays, ClusterRecord, LEVEL_BLACK, Metadata, Probe, TransportBlock, VolumeArrays, VolumeGrid,
+};
 use localprt_precompute::picture::tone_curve;
 use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters};
 use localprt_scenes::{Image, Light, LightKind, Material, Mesh, Scene, Sky, Texture, TextureRef, Wrap};
@@ -101,7 +103,8 @@ fn pictures_of(
     normal_maps: bool,
     objects: &[MovingObject],
 ) -> Pictures {
-    let mut gi = Relighter::new(device, queue, baked.view(), RelighterOptions::default()).expect("a relighter");
+    let mut gi = Relighter::new(device, queue, &baked.checked().expect("a sound file"), RelighterOptions::default())
+        .expect("a relighter");
     let texels = SceneTexels {
         lightmap_uv: Vec::new(),
         size: 1,
@@ -229,7 +232,7 @@ fn lit_file(probe_degree: u32, lit: impl Fn(usize) -> bool) -> BakedArrays {
         ray_sh: dirs.into_iter().flat_map(sh).collect(),
         ray_uv: vec![0x8000_8000; 12],
         ray_level: (0..12).map(|ray| if ray < 6 && lit(ray) { 0 } else { LEVEL_BLACK }).collect(),
-        projection: vec![f16::ZERO; n_sh.next_multiple_of(2)],
+        blocks: one_receiver(1, 0, &vec![0.0; n_sh]),
         ..dark_file()
     }
 }
@@ -273,15 +276,16 @@ fn objects_are_lit_by_the_volume_where_there_is_one() {
     for (cell, row) in reconstruction.chunks_exact_mut(4).enumerate() {
         row[0] = f16::from_f32(if cell & 2 == 0 { 1.0 } else { 2.0 });
     }
-    file.volume = Some(VolumeArrays {
-        grid: VolumeGrid { origin: [-1.0, 0.0, -1.0], spacing_m: 2.0, dims: [2, 2, 2], degree: 1 },
-        cells: (0..8).collect(),
-        clusters: vec![ClusterRecord { n_receivers: 8, n_probes: 1, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0],
-        projection: vec![f16::ONE, f16::ZERO],
-        reconstruction,
-        fill: Vec::new(),
-    });
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 8, n_probes: 1, n_sky: 0, n_coefficients: 1 };
+    block.push(record, &[0], &[f16::ONE], &reconstruction);
+    let volume_from = |height: f32| {
+        let grid = VolumeGrid { origin: [-1.0, height, -1.0], spacing_m: 2.0, dims: [2, 2, 2], degree: 1 };
+        let positions: Vec<_> = (0..8).map(|cell| grid.position(cell)).collect();
+        let blocks = BlockArrays::of_one(&block, &positions);
+        Some(VolumeArrays { grid, cells: (0..8).collect(), blocks, fill: Vec::new() })
+    };
+    file.volume = volume_from(0.0);
     let top = |file: &BakedArrays| {
         let pictures = pictures_of(file, EMISSION, (&device, &queue), &floor(true), false, &[object()]);
         pictures.radiance[pixel(TOP[0], TOP[1])]
@@ -290,8 +294,6 @@ fn objects_are_lit_by_the_volume_where_there_is_one() {
     let found = (top(&file) - lit_top(Vec3::ZERO)) / EMISSION / 0.5;
     assert!((found - 1.6).abs().max_element() < 1.0 / 256.0 + 2e-3, "{found}");
     // Above the grid its border goes on: constant radiance L gives pi L.
-    for grid in file.volume.iter_mut().map(|volume| &mut volume.grid) {
-        grid.origin[1] = 5.0;
-    }
+    file.volume = volume_from(5.0);
     close(top(&file), lit_top(PI * EMISSION));
 }

@@ -130,7 +130,7 @@ fn traced_picture(baked: &SmallBake, width: u32, height: u32, bounces: u32) -> P
     let lighting = Lighting::of_scene(scene);
     let caster = RayCaster::new(scene).expect("a tree");
     let light = SceneLight::traced(&caster, &scene_texels(&caster, &view), &lighting, &view);
-    let mut relighter = CpuRelighter::new(view).expect("consistent arrays");
+    let mut relighter = CpuRelighter::new(file.checked().expect("a sound file"));
     relighter.relight(&light.inputs(bounces)).expect("inputs that fit");
     let relit = relighter.relit();
     let surfaces = Surfaces::new(scene, &lighting, None);

@@ -2,10 +2,9 @@
 
 mod dark_file;
 
-use dark_file::{dark_file, device};
+use dark_file::{dark_file, device, one_receiver};
 use glam::{Mat4, Vec2, Vec3, Vec4, camera::rh::view::look_at_mat4};
-use half::f16;
-use localprt_formats::{BakedArrays, ClusterRecord};
+use localprt_formats::BakedArrays;
 use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters};
 use localprt_scenes::{Light, LightKind, Material, Mesh, Scene, Sky};
 use localprt_viewer::{
@@ -25,18 +24,7 @@ const TOLERANCE: f32 = 1e-3;
 
 /// A file whose one receiver has as its irradiance the sky's first coefficient.
 fn file() -> BakedArrays {
-    BakedArrays {
-        clusters: vec![ClusterRecord {
-            n_receivers: 1,
-            n_probes: 1,
-            n_sky: 1,
-            n_coefficients: 1,
-            ..Default::default()
-        }],
-        projection: vec![f16::ZERO, f16::ONE],
-        reconstruction: vec![f16::ONE, f16::ZERO],
-        ..dark_file()
-    }
+    BakedArrays { blocks: one_receiver(1, 1, &[0.0, 1.0]), ..dark_file() }
 }
 
 /// A floor from -1 to 1 with u along x and v along z.
@@ -84,7 +72,8 @@ impl Stage {
     fn new((device, queue): (wgpu::Device, wgpu::Queue)) -> Self {
         let (baked, scene) = (file(), floor());
         let mut relighter =
-            Relighter::new(&device, &queue, baked.view(), RelighterOptions::default()).expect("a relighter");
+            Relighter::new(&device, &queue, &baked.checked().expect("a sound file"), RelighterOptions::default())
+                .expect("a relighter");
         let texels = SceneTexels {
             lightmap_uv: Vec::new(),
             size: 1,

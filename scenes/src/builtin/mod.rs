@@ -17,7 +17,7 @@ mod two_rooms;
 pub use furnace::{FURNACE_ALBEDO, FURNACE_EMISSION, furnace_irradiance};
 pub use sphere::{SPHERE_ALBEDO, SPHERE_INTENSITY};
 
-use crate::lighting::{Light, LightKind};
+use crate::light::{Light, LightKind};
 use crate::scene::{AlphaMode, Camera, Material, Scene, TextureRef};
 use glam::{Mat4, Vec3};
 

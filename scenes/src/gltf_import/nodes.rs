@@ -3,7 +3,7 @@
 use super::document::{Document, pointer};
 use super::error::{LoadError, Source};
 use super::resources::Limits;
-use crate::lighting::{Light, LightKind};
+use crate::light::{Light, LightKind};
 use crate::scene::{Camera, LightmapWish};
 use glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use gltf::json;

@@ -1,7 +1,8 @@
 //! Reads the lighting JSON: which keys there are, what they mean and what they may hold.
 
 use super::place::{Place, edit_distance};
-use super::{Light, LightKind, Lighting, LightingError, MaterialOverride, Sky, equirect};
+use super::{Lighting, LightingError, MaterialOverride, Sky, equirect};
+use crate::light::{Light, LightKind};
 use crate::scene::Scene;
 use glam::Vec3;
 use serde_json::Value;

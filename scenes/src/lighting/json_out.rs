@@ -1,6 +1,7 @@
 //! Writes a lighting state as the JSON that [`super::json`] reads.
 
-use super::{Light, LightKind, Lighting, Sky};
+use super::{Lighting, Sky};
+use crate::light::{Light, LightKind};
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 

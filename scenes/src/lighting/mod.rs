@@ -10,14 +10,13 @@ mod error;
 mod json;
 mod json_out;
 mod place;
-mod punctual;
 mod shading;
 mod sky;
 
 pub use error::LightingError;
-pub use punctual::Incident;
 pub use shading::SurfaceShading;
 
+use crate::light::Light;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -32,41 +31,6 @@ pub struct Lighting {
     pub materials: BTreeMap<String, MaterialOverride>,
     /// One albedo for every surface, to look at lighting only.
     pub albedo_override: Option<f32>,
-}
-
-/// A punctual light as in KHR_lights_punctual.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Light {
-    /// Name for messages.
-    pub name: String,
-    /// Type with its own parameters.
-    pub kind: LightKind,
-    /// World position in metres (not used by directional lights).
-    pub position: Vec3,
-    /// Unit direction in which the light travels (not used by point lights).
-    pub direction: Vec3,
-    /// Linear color.
-    pub color: Vec3,
-    /// Candela for point and spot, lux for directional.
-    pub intensity: f32,
-    /// Distance in metres at which the light is cut off; `None` is infinite.
-    pub range: Option<f32>,
-}
-
-/// Type of a punctual light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LightKind {
-    /// Shines everywhere alike.
-    Point,
-    /// A cone; half angles in radians.
-    Spot {
-        /// Full intensity inside.
-        inner_cone: f32,
-        /// None outside.
-        outer_cone: f32,
-    },
-    /// Parallel light.
-    Directional,
 }
 
 /// Radiance from outside of the scene.

@@ -5,7 +5,7 @@
 use crate::error::{CommandError, Exit};
 use crate::hex;
 use crate::picture::default_camera;
-use localprt_formats::{Baked, Metadata, OpenError};
+use localprt_formats::{Baked, Checked, Metadata, OpenError};
 use localprt_scenes::{Camera, Lighting, LightingError, LoadErrorKind, Scene, builtin};
 use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
@@ -84,10 +84,15 @@ pub fn lighting(path: Option<&Path>, scene: &Scene) -> Result<Lighting, CommandE
     })
 }
 
-/// A baked file, validated.
+/// A baked file, its structure validated.
 pub fn baked(path: &Path) -> Result<Baked, CommandError> {
     readable(path)?;
     Baked::open(path).map_err(|error| refused(path, &error))
+}
+
+/// The same with every block of transport validated.
+pub fn checked<'a>(path: &Path, baked: &'a Baked) -> Result<Checked<'a>, CommandError> {
+    baked.checked().map_err(|error| refused(path, &error))
 }
 
 /// A baked file that was refused.

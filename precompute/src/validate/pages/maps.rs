@@ -180,8 +180,9 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
         (0..subject.len() as u32).map(|receiver| subject.supporting(receiver).len() as f32).collect();
     let range = nice_range(&probes, 100.0);
     sequential("probes", "Probes per receiver", "supporting probes", "", probes, range);
+    let clusters = &subject.checked.transport().clusters;
     let coefficients: Vec<f32> =
-        subject.cluster.iter().map(|&cluster| subject.view.clusters[cluster as usize].n_coefficients as f32).collect();
+        subject.cluster.iter().map(|&cluster| clusters[cluster as usize].lights.len() as f32).collect();
     let range = nice_range(&coefficients, 100.0);
     let caption = "Singular values kept: high where neighbors see different things.";
     sequential("coefficients", "Coefficients per cluster", "singular values", caption, coefficients, range);
@@ -223,7 +224,7 @@ fn clusters(context: &Context<'_>, folder: &Folder) -> Result<Vec<NamedImage>, O
         let hash = localprt_formats::directions::counter_hash(9, subject.cluster[receiver as usize].into(), 0);
         [0, 8, 16].map(|shift| 56 + ((hash >> shift & 0xff) * 3 / 4) as u8)
     };
-    let note = format!("{} clusters in colors without meaning", subject.view.clusters.len());
+    let note = format!("{} clusters in colors without meaning", subject.checked.transport().clusters.len());
     let mut images = Vec::new();
     for (number, view) in views(context).iter().enumerate() {
         let first = |rays: &[PixelLight]| rays[0].uv.and_then(|uv| subject.receiver_at(uv)).map_or(NOTHING, color);

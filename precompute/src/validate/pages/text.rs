@@ -158,8 +158,8 @@ pub(super) fn bake_section(context: &Context<'_>) -> Section {
         fact("projection, reconstruction", {
             format!(
                 "{}, {}",
-                megabytes(2 * view.projection.len() as u64),
-                megabytes(2 * view.reconstruction.len() as u64)
+                megabytes(4 * view.blocks.total(|block| block.projection_pairs)),
+                megabytes(4 * view.blocks.total(|block| block.reconstruction_pairs))
             )
         }),
         fact("triangles", number("/scene/triangles")),

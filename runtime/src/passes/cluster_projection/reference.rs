@@ -1,9 +1,9 @@
 //! CPU twin of the cluster projection.
 
-use crate::checked_bake::Transport;
 use crate::passes::split_ranges;
 use glam::Vec3;
 use half::slice::HalfFloatSliceExt;
+use localprt_formats::Transport;
 use rayon::prelude::*;
 
 /// Columns summed side by side; the sums of the lanes are added in f64.
@@ -26,30 +26,26 @@ pub fn cluster_projection(
     let n_sh = transport.n_sh;
     assert_eq!(probe_radiance.len(), transport.n_probes * n_sh);
     assert!(sky_sh.is_empty() || sky_sh.len() == transport.n_sky);
-    assert_eq!(cluster_lights.len(), transport.n_cluster_lights);
+    assert_eq!(cluster_lights.len(), transport.n_lights);
     // Each band for itself, once: clusters then copy runs of it.
     let planes = [0, 1, 2].map(|band| probe_radiance.iter().map(|color| color[band]).collect::<Vec<f32>>());
     let sky_planes = [0, 1, 2].map(|band| sky_sh.iter().map(|color| color[band]).collect::<Vec<f32>>());
-    let lights =
-        split_ranges(cluster_lights, (0..transport.clusters.len()).map(|cluster| transport.light_range(cluster)));
-    lights.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (cluster, lights)| {
-        let record = &transport.clusters[cluster];
+    let lights = split_ranges(cluster_lights, transport.clusters.iter().map(|cluster| cluster.lights.clone()));
+    lights.into_par_iter().zip(&transport.clusters).for_each_init(Scratch::default, |scratch, (lights, cluster)| {
         // A cluster without columns has no rows to write its lights.
         lights.fill(Vec3::ZERO);
         scratch.input.iter_mut().for_each(Vec::clear);
-        let probes = &transport.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
-        for &probe in probes {
+        for &probe in cluster.probes {
             scratch.push(&planes, probe as usize * n_sh, n_sh);
         }
         // A black sky adds nothing: its columns are left out of the sum.
-        if record.n_sky > 0 {
+        if cluster.n_sky > 0 {
             scratch.push(&sky_planes, 0, sky_sh.len());
         }
-        let n_columns = probes.len() * n_sh + record.n_sky as usize;
+        let n_columns = cluster.probes.len() * n_sh + cluster.n_sky;
         let n_used = scratch.input[0].len();
         scratch.row.resize(n_used, 0.0);
-        let rows = &transport.projection[transport.projection_range(cluster)];
-        for (light, row) in lights.iter_mut().zip(rows.chunks_exact(n_columns.max(1))) {
+        for (light, row) in lights.iter_mut().zip(cluster.projection.chunks_exact(n_columns.max(1))) {
             row[..n_used].convert_to_f32_slice(&mut scratch.row);
             *light = dot(&scratch.row, &scratch.input);
         }
@@ -94,13 +90,12 @@ fn dot(row: &[f32], input: &[Vec<f32>; 3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::checked_bake::CheckedBake;
     use crate::test_bake;
     use half::f16;
     use localprt_formats::BakedArrays;
 
     fn project(arrays: &BakedArrays, probe_radiance: &[Vec3], sky_sh: &[Vec3]) -> Vec<Vec3> {
-        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let baked = arrays.checked().unwrap();
         let mut lights = vec![Vec3::NAN; baked.n_cluster_lights()];
         cluster_projection(baked.transport(), probe_radiance, sky_sh, &mut lights);
         lights
@@ -116,11 +111,11 @@ mod tests {
             let found = project(&arrays, &lambda, &sky);
             // The columns of all probes and the sky in one vector, as in Eq. (11) before zero columns are dropped.
             let mut dense = Vec::new();
-            for record in &arrays.clusters {
-                let probes = &arrays.cluster_probes[record.first_probe as usize..][..record.n_probes as usize];
-                let n_columns = probes.len() * n_sh + record.n_sky as usize;
-                for row in 0..record.n_coefficients as usize {
-                    let weights = &arrays.projection[2 * record.projection_pair as usize + row * n_columns..];
+            for cluster in &arrays.checked().unwrap().transport().clusters {
+                let probes = cluster.probes;
+                let n_columns = probes.len() * n_sh + cluster.n_sky;
+                for row in 0..cluster.lights.len() {
+                    let weights = &cluster.projection[row * n_columns..];
                     let (mut sum, mut magnitude) = ([0.0f64; 3], 0.0);
                     for (column, weight) in weights[..n_columns].iter().enumerate() {
                         let value = match probes.get(column / n_sh) {
@@ -154,7 +149,7 @@ mod tests {
         for (bits, expected) in
             [(0x7bff, 65504.0), (0x0001, 2.0f32.powi(-24)), (0x3c01, 1.0 + 2.0f32.powi(-10)), (0xc500, -5.0)]
         {
-            arrays.projection[0] = f16::from_bits(bits);
+            test_bake::change_block(&mut arrays, |block| block.projection[0] = f16::from_bits(bits));
             assert_eq!(project(&arrays, &ones, &[]), [Vec3::splat(expected)]);
         }
     }

@@ -1,9 +1,9 @@
 //! GPU side of the gutter dilation: the irradiance map and, for degree 1, the map of SH radiance.
 
-use crate::checked_bake::CheckedBake;
 use crate::gpu::{Groups, Kernel, page_bytes, storage, uniform};
 use crate::shaders;
 use crate::transport_pages::TransportPage;
+use localprt_formats::Checked;
 
 /// The maps that the host samples.
 pub(crate) struct ReceiverMaps {
@@ -52,7 +52,7 @@ pub(crate) struct GutterDilationPass {
 impl GutterDilationPass {
     pub(crate) fn new(
         device: &wgpu::Device,
-        baked: &CheckedBake<'_>,
+        baked: &Checked<'_>,
         pages: &[TransportPage],
         maps: &ReceiverMaps,
     ) -> Self {
@@ -110,7 +110,7 @@ impl GutterDilationPass {
 
 /// `[pages]` lists of texel and receiver within the page. Invocations run in any order, so a texel that is named twice
 /// is listed once, with the value that counts last.
-fn fills_of_pages(baked: &CheckedBake<'_>, pages: &[TransportPage]) -> Vec<Vec<[u32; 2]>> {
+fn fills_of_pages(baked: &Checked<'_>, pages: &[TransportPage]) -> Vec<Vec<[u32; 2]>> {
     let view = baked.view();
     let size = view.metadata.lightmap_size as usize;
     const NONE: u32 = u32::MAX;

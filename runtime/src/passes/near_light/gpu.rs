@@ -5,7 +5,7 @@ use crate::passes::lightmap_mips::LightMap;
 use crate::shaders;
 use crate::transport_pages::TransportPage;
 use bytemuck::{Pod, Zeroable};
-use localprt_formats::{NearTile, NearView};
+use localprt_formats::{Tile, Transport};
 
 pub(crate) struct NearLightPass {
     kernel: Kernel,
@@ -18,9 +18,9 @@ pub(crate) struct NearLightPass {
 #[repr(C)]
 struct Params {
     n_tiles: u32,
-    first_receiver: u32,
     n_receivers: u32,
     light_map_size: u32,
+    pad: u32,
 }
 
 /// A tile, its places within the page's arrays.
@@ -33,89 +33,73 @@ struct TileRecord {
     n_nodes: u32,
     first_link: u32,
     scale: f32,
-    pad: [u32; 2],
+    place: u32,
+    pad: u32,
 }
 
 impl NearLightPass {
     pub(crate) fn new(
         device: &wgpu::Device,
-        near: &NearView<'_>,
+        transport: &Transport<'_>,
         pages: &[TransportPage],
         light_map: &LightMap,
-        n_k: usize,
     ) -> Self {
         let source = shaders::source(include_str!("near_light.wgsl"));
+        let n_k = transport.n_k;
         let kernel = Kernel::new(device, "near_light", &source, &[("N_K", n_k as f64)]);
         let mut pass = Self { kernel, pages: Vec::new(), bytes: 0, n_nodes: 0 };
         let limit = page_bytes(device);
-        for page in pages.iter().filter(|page| !page.receivers.is_empty()) {
-            let is_of_page = |pair: &[NearTile]| {
-                (pair[0].first_receiver as usize) < page.receivers.end
-                    && pair[1].first_receiver as usize > page.receivers.start
-            };
-            let first = near.tiles.windows(2).position(is_of_page).unwrap_or(0);
-            let end = near.tiles.windows(2).rposition(is_of_page).map_or(first, |last| last + 1);
-            let mut from = first;
-            while from < end {
-                let to = fitting(&near.tiles[from..=end], n_k, limit) + from;
-                pass.add_page(device, near, from..to, page, light_map, n_k);
-                from = to;
+        for page in pages {
+            // A tile may reach into two pages; each lights its own receivers.
+            let first = transport.tiles.partition_point(|tile| tile.receivers.end <= page.receivers.start);
+            let end = transport.tiles.partition_point(|tile| tile.receivers.start < page.receivers.end);
+            let mut rest = transport.tiles.get(first..end).unwrap_or_default();
+            while !rest.is_empty() {
+                let (tiles, behind) = rest.split_at(fitting(rest, n_k, limit));
+                pass.add_page(device, tiles, page, light_map);
+                rest = behind;
             }
         }
         pass
     }
 
     /// Some tiles as far as they light the receivers of a page.
-    fn add_page(
-        &mut self,
-        device: &wgpu::Device,
-        near: &NearView<'_>,
-        tiles: std::ops::Range<usize>,
-        page: &TransportPage,
-        light_map: &LightMap,
-        n_k: usize,
-    ) {
-        let (start, end) = (near.tiles[tiles.start], near.tiles[tiles.end]);
-        // Words of counts, links and weights start where their first byte stands in the file, so that bytes keep their places.
-        let aligned = |first: u32| first / 4 * 4;
-        let first_count = aligned(start.first_receiver);
-        let first_link = aligned(start.first_link);
-        let records: Vec<TileRecord> = near.tiles[tiles.start..=tiles.end]
-            .windows(2)
-            .map(|pair| TileRecord {
-                first_receiver: pair[0].first_receiver - first_count,
-                n_receivers: pair[1].first_receiver - pair[0].first_receiver,
-                first_node: pair[0].first_node - start.first_node,
-                n_nodes: pair[1].first_node - pair[0].first_node,
-                first_link: pair[0].first_link - first_link,
-                scale: pair[0].scale,
-                pad: [0; 2],
-            })
-            .collect();
-        let bytes = |values: &[u8], first: u32, end: u32, each: usize| {
-            storage(device, "near_light.bytes", &values[first as usize * each..end as usize * each])
-        };
-        let weights: &[u8] = bytemuck::cast_slice(near.weights);
+    fn add_page(&mut self, device: &wgpu::Device, tiles: &[Tile<'_>], page: &TransportPage, light_map: &LightMap) {
+        let mut records = Vec::with_capacity(tiles.len());
+        let (mut nodes, mut counts, mut links) = (Vec::new(), Vec::new(), Vec::new());
+        let mut weights: Vec<u8> = Vec::new();
+        for tile in tiles {
+            records.push(TileRecord {
+                first_receiver: counts.len() as u32,
+                n_receivers: tile.receivers.len() as u32,
+                first_node: nodes.len() as u32,
+                n_nodes: tile.nodes.len() as u32,
+                first_link: links.len() as u32,
+                scale: tile.scale,
+                // May be before the page's first receiver: the difference wraps, and so does the shader's.
+                place: (tile.receivers.start as u32).wrapping_sub(page.receivers.start as u32),
+                pad: 0,
+            });
+            nodes.extend_from_slice(tile.nodes);
+            counts.extend_from_slice(tile.counts);
+            links.extend_from_slice(tile.links);
+            weights.extend_from_slice(bytemuck::cast_slice(tile.weights));
+        }
         let params = Params {
             n_tiles: records.len() as u32,
-            // May be before the first counted receiver: the difference wraps, and so does the shader's.
-            first_receiver: (page.receivers.start as u32).wrapping_sub(first_count),
             n_receivers: page.receivers.len() as u32,
             light_map_size: light_map.size,
+            pad: 0,
         };
         let buffers = [
             storage(device, "near_light.tiles", bytemuck::cast_slice(&records)),
-            storage(
-                device,
-                "near_light.nodes",
-                bytemuck::cast_slice(&near.nodes[start.first_node as usize..end.first_node as usize]),
-            ),
-            bytes(near.counts, first_count, end.first_receiver, 1),
-            bytes(near.links, first_link, end.first_link, 1),
-            bytes(weights, first_link, end.first_link, n_k),
+            storage(device, "near_light.nodes", bytemuck::cast_slice(&nodes)),
+            storage(device, "near_light.counts", &counts),
+            storage(device, "near_light.links", &links),
+            storage(device, "near_light.weights", &weights),
         ];
         self.bytes += buffers.iter().map(wgpu::Buffer::size).sum::<u64>();
-        self.n_nodes += u64::from(end.first_node - start.first_node);
+        self.n_nodes += nodes.len() as u64;
         let params = uniform(device, "near_light.params", bytemuck::bytes_of(&params));
         let mut resources = vec![params.as_entire_binding()];
         resources.extend(buffers.iter().map(wgpu::Buffer::as_entire_binding));
@@ -142,20 +126,13 @@ impl NearLightPass {
     }
 }
 
-/// Tiles from the first on whose arrays fit a binding, at least one; `tiles` holds one more than there are.
-fn fitting(tiles: &[NearTile], n_k: usize, limit: u64) -> usize {
-    let fits = |count: usize| {
-        let (first, end) = (tiles[0], tiles[count]);
-        let links = u64::from(end.first_link - first.first_link) + 4;
-        let nodes = u64::from(end.first_node - first.first_node);
-        let widest = (links * n_k as u64).max(4 * nodes).max((size_of::<TileRecord>() * count) as u64);
-        widest.max(u64::from(end.first_receiver - first.first_receiver) + 4) <= limit
+/// Tiles from the first on whose arrays fit a binding, at least one.
+fn fitting(tiles: &[Tile<'_>], n_k: usize, limit: u64) -> usize {
+    let mut widths = [0; 4];
+    let fits = |tile: &&Tile<'_>| {
+        let own = [tile.links.len() * n_k, 4 * tile.nodes.len(), size_of::<TileRecord>(), tile.receivers.len()];
+        widths.iter_mut().zip(own).for_each(|(width, own)| *width += own as u64);
+        widths.iter().all(|width| width.next_multiple_of(4) <= limit)
     };
-    // Widths rise with the count.
-    let (mut low, mut high) = (1, tiles.len() - 1);
-    while low < high {
-        let middle = (low + high).div_ceil(2);
-        if fits(middle) { low = middle } else { high = middle - 1 }
-    }
-    low
+    tiles.iter().take_while(fits).count().max(1)
 }

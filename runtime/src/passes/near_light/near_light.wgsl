@@ -7,10 +7,10 @@ override N_K: u32;
 
 struct Params {
     n_tiles: u32,
-    // Of the page, numbered as in the tiles; receivers of a tile outside of them are another page's.
-    first_receiver: u32,
+    // Of the page; receivers of a tile outside of them are another page's.
     n_receivers: u32,
     light_map_size: u32,
+    pad: u32,
 }
 
 struct Tile {
@@ -20,8 +20,9 @@ struct Tile {
     n_nodes: u32,
     first_link: u32,
     scale: f32,
-    pad_0: u32,
-    pad_1: u32,
+    // Its first receiver among the page's; wraps if it is before them.
+    place: u32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -67,8 +68,7 @@ fn near_light(
     }
     link_counts[local] = count;
     workgroupBarrier();
-    // Wraps below the page's first receiver.
-    let place = receiver - params.first_receiver;
+    let place = tile.place + local;
     if (!is_tile || local >= tile.n_receivers || place >= params.n_receivers) {
         return;
     }

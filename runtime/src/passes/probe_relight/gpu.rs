@@ -1,12 +1,12 @@
 //! GPU side of the probe relight: rays in pages of whole probes, partial sums, probe radiance.
 
-use crate::checked_bake::CheckedBake;
 use crate::gpu::{Groups, Kernel, page_bytes, storage, uniform, zeros};
 use crate::occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 use crate::passes::lightmap_mips::{LightMap, level_sizes};
 use crate::shaders;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use localprt_formats::Checked;
 
 const PROBES_PER_GROUP: usize = 4;
 const RAYS_PER_SEGMENT: usize = 256;
@@ -77,7 +77,7 @@ impl OccluderRecord {
 }
 
 impl ProbeRelightPass {
-    pub(crate) fn new(device: &wgpu::Device, baked: &CheckedBake<'_>, light_map: &LightMap) -> Self {
+    pub(crate) fn new(device: &wgpu::Device, baked: &Checked<'_>, light_map: &LightMap) -> Self {
         let view = baked.view();
         let (n_rays, n_sh, n_probes) = (baked.n_rays(), baked.n_sh(), baked.n_probes());
         let source = shaders::source(include_str!("probe_relight.wgsl"));
@@ -114,7 +114,7 @@ impl ProbeRelightPass {
                 let n_page = n_probes.min(first + per_page) - first;
                 let ray_uv = storage(device, "probe_relight.ray_uv", bytemuck::cast_slice(&view.ray_uv[range.clone()]));
                 let ray_level = storage(device, "probe_relight.ray_level", &view.ray_level[range.clone()]);
-                let distances = baked.ray_distance().get(range).unwrap_or_default();
+                let distances = baked.view().ray_distance.get(range).unwrap_or_default();
                 let ray_distance = storage(device, "probe_relight.ray_distance", bytemuck::cast_slice(distances));
                 let partial = zeros(device, "probe_relight.partial_sums", (n_page * n_segments * n_sh * 16) as u64);
                 ray_bytes += ray_uv.size() + ray_level.size() + ray_distance.size();
@@ -226,10 +226,10 @@ impl ProbeRelightPass {
 
 /// `[n_probes]` position, and the distance of the farthest hit of its rays (infinite where a ray leaves the scene, or if
 /// the file has no distances).
-fn seen_from_probes(baked: &CheckedBake<'_>) -> Vec<[f32; 4]> {
+fn seen_from_probes(baked: &Checked<'_>) -> Vec<[f32; 4]> {
     let view = baked.view();
     let n_rays = baked.n_rays();
-    let farthest = |probe: usize| match baked.ray_distance().get(probe * n_rays..(probe + 1) * n_rays) {
+    let farthest = |probe: usize| match baked.view().ray_distance.get(probe * n_rays..(probe + 1) * n_rays) {
         Some(distances) => distances.iter().fold(0.0f32, |far, distance| far.max(distance.to_f32())).min(f32::MAX),
         None => f32::MAX,
     };

@@ -1,11 +1,10 @@
 //! CPU twin of the probe relight.
 
-use crate::checked_bake::CheckedBake;
 use crate::coverage_map::CoverageMap;
 use crate::occluder::Occluder;
 use glam::{Vec2, Vec3};
 use half::f16;
-use localprt_formats::sh::MAX_FUNCTIONS;
+use localprt_formats::{Checked, sh::MAX_FUNCTIONS};
 use localprt_formats::{LEVEL_BLACK, LEVEL_SKY};
 use rayon::prelude::*;
 
@@ -27,7 +26,7 @@ const LANES: usize = 8;
 /// If `light_map` has no level, or `sky_rays` (unless empty) or `probe_radiance` do not have the lengths of the file, or if there are
 /// occluders and the file has no ray distances.
 pub fn probe_relight(
-    baked: &CheckedBake<'_>,
+    baked: &Checked<'_>,
     light_map: &[CoverageMap],
     sky_rays: &[Vec3],
     occluders: &[Occluder],
@@ -72,13 +71,13 @@ struct Blockers<'a> {
 
 impl<'a> Blockers<'a> {
     /// Leaves out what begins beyond the farthest hit of the probe.
-    fn new(baked: &CheckedBake<'a>, probe: usize, occluders: &'a [Occluder]) -> Self {
+    fn new(baked: &Checked<'a>, probe: usize, occluders: &'a [Occluder]) -> Self {
         let view = baked.view();
         let origin = Vec3::from_array(view.probes[probe].position);
         if occluders.is_empty() {
             return Self { near: Vec::new(), origin, dirs: view.ray_dirs, distances: &[] };
         }
-        let distances = &baked.ray_distance()[probe * baked.n_rays()..][..baked.n_rays()];
+        let distances = &baked.view().ray_distance[probe * baked.n_rays()..][..baked.n_rays()];
         let farthest = distances.iter().fold(0.0f32, |far, distance| far.max(distance.to_f32()));
         let may_be_seen = |occluder: &&Occluder| {
             let (center, radius) = occluder.bounding_sphere();

@@ -8,4 +8,4 @@ mod reference;
 
 #[cfg(feature = "gpu")]
 pub(crate) use gpu::ReceiverReconstructionPass;
-pub use reference::{receiver_irradiance, receiver_reconstruction};
+pub use reference::{cosine_weights, receiver_irradiance, receiver_reconstruction};

@@ -5,8 +5,6 @@
 
 override N_K: u32;
 
-const NO_CLUSTER: u32 = 0xffffffffu;
-
 struct Params {
     n_receivers: u32,
     pad_0: u32,
@@ -32,26 +30,23 @@ fn receiver_reconstruction(
     if (receiver >= params.n_receivers) {
         return;
     }
+    let cluster = clusters[receiver_cluster[receiver]];
+    let n = cluster.n_coefficients;
+    let row = (receiver - cluster.first_receiver) * N_K + output % N_K;
+    // The row in f16 values from the start of the matrix, which is a whole pair.
+    let begin = row * n;
+    let matrix = cluster.reconstruction_pair;
     var sum = vec3f(0.0);
-    let number = receiver_cluster[receiver];
-    if (number != NO_CLUSTER) {
-        let n = clusters[number].n_coefficients;
-        let first_light = clusters[number].first_light;
-        let row = (receiver - clusters[number].first_receiver) * N_K + output % N_K;
-        // The row in f16 values from the start of the block, which is a whole pair.
-        let begin = row * n;
-        let block = clusters[number].reconstruction_pair;
-        var pair = vec2f(0.0);
-        if (begin % 2u != 0u && n > 0u) {
-            pair = unpack2x16float(reconstruction[block + begin / 2u]);
+    var pair = vec2f(0.0);
+    if (begin % 2u != 0u && n > 0u) {
+        pair = unpack2x16float(reconstruction[matrix + begin / 2u]);
+    }
+    for (var c = 0u; c < n; c += 1u) {
+        let at = begin + c;
+        if (at % 2u == 0u) {
+            pair = unpack2x16float(reconstruction[matrix + at / 2u]);
         }
-        for (var c = 0u; c < n; c += 1u) {
-            let at = begin + c;
-            if (at % 2u == 0u) {
-                pair = unpack2x16float(reconstruction[block + at / 2u]);
-            }
-            sum += select(pair.x, pair.y, at % 2u != 0u) * cluster_lights[first_light + c].rgb;
-        }
+        sum += select(pair.x, pair.y, at % 2u != 0u) * cluster_lights[cluster.first_light + c].rgb;
     }
     coefficients[output] = vec4f(sum, 0.0);
 }

@@ -1,52 +1,55 @@
 //! CPU twin of the receiver reconstruction.
 
-use crate::checked_bake::{CheckedBake, Transport};
 use crate::passes::split_ranges;
 use glam::Vec3;
 use half::slice::HalfFloatSliceExt;
+use localprt_formats::{Checked, Transport, sh};
 use rayon::prelude::*;
 
 /// Sets `coefficients[receiver * n_k + k] = row of U times the lights of the receiver's cluster`, RGB.
 ///
 /// With one output per receiver the coefficient is irradiance, W m^-2, before clamping; with four it is SH radiance of
-/// degree 1 in world axes. Sums of `n_coefficients` terms in f32. Receivers without cluster get 0.
+/// degree 1 in world axes. Sums of `n_coefficients` terms in f32.
 ///
 /// # Panics
 /// If the arrays do not have the lengths of the file.
 pub fn receiver_reconstruction(transport: &Transport<'_>, cluster_lights: &[Vec3], coefficients: &mut [Vec3]) {
     let n_k = transport.n_k;
-    assert_eq!(cluster_lights.len(), transport.n_cluster_lights);
+    assert_eq!(cluster_lights.len(), transport.n_lights);
     assert_eq!(coefficients.len(), transport.n_receivers * n_k);
     coefficients.fill(Vec3::ZERO);
-    let ranges = (0..transport.clusters.len()).map(|cluster| {
-        let receivers = transport.receiver_range(cluster);
-        receivers.start * n_k..receivers.end * n_k
-    });
+    let ranges = transport.clusters.iter().map(|cluster| cluster.receivers.start * n_k..cluster.receivers.end * n_k);
     let outputs = split_ranges(coefficients, ranges);
-    outputs.into_par_iter().enumerate().for_each_init(Vec::new, |decoded, (cluster, outputs)| {
-        let lights = &cluster_lights[transport.light_range(cluster)];
-        let rows = &transport.reconstruction[transport.reconstruction_range(cluster)];
-        decoded.resize(rows.len(), 0.0);
-        rows.convert_to_f32_slice(decoded);
+    outputs.into_par_iter().zip(&transport.clusters).for_each_init(Vec::new, |decoded, (outputs, cluster)| {
+        let lights = &cluster_lights[cluster.lights.clone()];
+        decoded.resize(cluster.reconstruction.len(), 0.0);
+        cluster.reconstruction.convert_to_f32_slice(decoded);
         for (output, row) in outputs.iter_mut().zip(decoded.chunks_exact(lights.len().max(1))) {
             *output = row.iter().zip(lights).fold(Vec3::ZERO, |sum, (&weight, &light)| sum + weight * light);
         }
     });
 }
 
+/// `[n_receivers]` weights of the four coefficients in the irradiance about each receiver's shading normal: the convolution with the
+/// cosine of Ramamoorthi and Hanrahan (2001). Empty for degree 0, whose coefficient is the irradiance.
+pub fn cosine_weights(baked: &Checked<'_>) -> Vec<[f32; 4]> {
+    match baked.view().metadata.receiver_degree {
+        1 => baked.view().receiver_normal.par_iter().map(|&normal| sh::irradiance_weights_degree_1(normal)).collect(),
+        _ => Vec::new(),
+    }
+}
+
 /// Irradiance about every receiver's shading normal, W m^-2, from its coefficients; negative values become 0.
-///
-/// Degree 0: the coefficient itself. Degree 1: the convolution with the cosine of Ramamoorthi and Hanrahan (2001).
+/// `weights` are those of [`cosine_weights`].
 ///
 /// # Panics
 /// If the arrays do not have the lengths of the file.
-pub fn receiver_irradiance(baked: &CheckedBake<'_>, coefficients: &[Vec3], irradiance: &mut [Vec3]) {
-    let n_k = baked.n_k();
-    assert_eq!(coefficients.len(), baked.n_receivers() * n_k);
-    assert_eq!(irradiance.len(), baked.n_receivers());
+pub fn receiver_irradiance(weights: &[[f32; 4]], coefficients: &[Vec3], irradiance: &mut [Vec3]) {
+    let n_k = if weights.is_empty() { 1 } else { 4 };
+    assert_eq!(coefficients.len(), irradiance.len() * n_k);
     let per_receiver = irradiance.par_iter_mut().zip(coefficients.par_chunks_exact(n_k)).enumerate();
     per_receiver.for_each(|(receiver, (irradiance, coefficients))| {
-        let sum = match baked.cosine_weights().get(receiver) {
+        let sum = match weights.get(receiver) {
             None => coefficients[0],
             Some(weights) => {
                 weights.iter().zip(coefficients).fold(Vec3::ZERO, |sum, (&weight, &value)| sum + weight * value)
@@ -61,15 +64,15 @@ mod tests {
     use super::*;
     use crate::test_bake;
     use half::f16;
-    use localprt_formats::{BakedArrays, ClusterRecord, sh};
+    use localprt_formats::{BakedArrays, BlockArrays, ClusterRecord, TransportBlock};
     use std::f32::consts::PI;
 
     fn reconstruct(arrays: &BakedArrays, lights: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
-        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let baked = arrays.checked().unwrap();
         let mut coefficients = vec![Vec3::NAN; baked.n_receivers() * baked.n_k()];
         let mut irradiance = vec![Vec3::NAN; baked.n_receivers()];
         receiver_reconstruction(baked.transport(), lights, &mut coefficients);
-        receiver_irradiance(&baked, &coefficients, &mut irradiance);
+        receiver_irradiance(&cosine_weights(&baked), &coefficients, &mut irradiance);
         (coefficients, irradiance)
     }
 
@@ -80,19 +83,16 @@ mod tests {
             let n_k = arrays.metadata.n_k();
             let lights = test_bake::random_colors(1, 6);
             let (found, _) = reconstruct(&arrays, &lights);
-            assert_eq!(found.len(), 12 * n_k);
+            assert_eq!(found.len(), 11 * n_k);
             let mut expected = vec![[0.0f64; 3]; found.len()];
-            for ClusterRecord {
-                first_receiver, n_receivers, n_coefficients, first_light, reconstruction_pair, ..
-            } in &arrays.clusters
-            {
-                for row in 0..*n_receivers as usize * n_k {
-                    for light in 0..*n_coefficients as usize {
-                        let u = arrays.reconstruction
-                            [2 * *reconstruction_pair as usize + row * *n_coefficients as usize + light];
-                        let value = lights[*first_light as usize + light].to_array();
+            for cluster in &arrays.checked().unwrap().transport().clusters {
+                let n_c = cluster.lights.len();
+                for row in 0..cluster.receivers.len() * n_k {
+                    for light in 0..n_c {
+                        let u = cluster.reconstruction[row * n_c + light];
+                        let value = lights[cluster.lights.start + light].to_array();
                         for channel in 0..3 {
-                            expected[*first_receiver as usize * n_k + row][channel] +=
+                            expected[cluster.receivers.start * n_k + row][channel] +=
                                 f64::from(u) * f64::from(value[channel]);
                         }
                     }
@@ -104,8 +104,8 @@ mod tests {
                     assert!((f64::from(channel) - expected).abs() < 6.0 * 2f64.powi(-25), "{channel}, {expected}");
                 }
             }
-            // The cluster without coefficients and the receiver without cluster are dark.
-            assert!(found[3 * n_k..5 * n_k].iter().chain(&found[11 * n_k..]).all(|value| *value == Vec3::ZERO));
+            // The cluster without coefficients is dark.
+            assert!(found[3 * n_k..5 * n_k].iter().all(|value| *value == Vec3::ZERO));
         }
     }
 
@@ -115,10 +115,13 @@ mod tests {
         arrays.metadata.receiver_degree = 1;
         arrays.receiver_texel = vec![0];
         arrays.receiver_normal = vec![normal.to_array()];
-        arrays.clusters =
-            vec![ClusterRecord { n_receivers: 1, n_sky: 1, n_coefficients: 4, ..ClusterRecord::default() }];
-        arrays.projection = vec![f16::ZERO; 4];
-        arrays.reconstruction = (0..16).map(|i| if i % 5 == 0 { f16::ONE } else { f16::ZERO }).collect();
+        let identity: Vec<f16> = (0..16).map(|i| if i % 5 == 0 { f16::ONE } else { f16::ZERO }).collect();
+        let mut block = TransportBlock::default();
+        let record = ClusterRecord { n_receivers: 1, n_probes: 0, n_sky: 1, n_coefficients: 4 };
+        block.push(record, &[], &[f16::ZERO; 4], &identity);
+        arrays.receiver_position = vec![[0.0; 3]];
+        arrays.receiver_unseen = vec![0.0];
+        arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position);
         arrays
     }
 

@@ -1,14 +1,14 @@
 //! GPU side of the volume: its transport, and the 3D textures that the host samples.
 
-use crate::checked_volume::CheckedVolume;
 use crate::error::RelightError;
 use crate::gpu::{Groups, Kernel, page_bytes, storage, uniform};
 use crate::passes::cluster_projection::ClusterProjectionPass;
 use crate::passes::receiver_reconstruction::ReceiverReconstructionPass;
 use crate::shaders;
 use crate::transport_pages::{self, TransportPage};
+use crate::volume::Volume;
 use glam::Vec3;
-use localprt_formats::VolumeGrid;
+use localprt_formats::{Transport, VolumeGrid};
 
 /// Storage textures that WebGPU guarantees a shader stage.
 const MAPS_PER_DISPATCH: usize = 4;
@@ -43,7 +43,8 @@ impl GpuVolume {
 
     pub(crate) fn new(
         device: &wgpu::Device,
-        volume: &CheckedVolume<'_>,
+        volume: &Volume<'_>,
+        transport: &Transport<'_>,
         probe_radiance: &wgpu::Buffer,
     ) -> Result<Self, RelightError> {
         let grid = *volume.grid();
@@ -77,7 +78,6 @@ impl GpuVolume {
             .map(|_| texture(wgpu::Extent3d::default()).create_view(&Default::default()))
             .collect();
 
-        let transport = volume.transport();
         let pages = transport_pages::upload(device, transport)?;
         let projection = ClusterProjectionPass::new(device, &pages, probe_radiance, (transport.n_sh, transport.n_sky));
         let reconstruction = ReceiverReconstructionPass::new(device, &pages, n_k);
@@ -140,7 +140,7 @@ impl GpuVolume {
 }
 
 /// `[pages]` lists of cell and receiver within the page.
-fn fills_of_pages(volume: &CheckedVolume<'_>, pages: &[TransportPage]) -> Vec<Vec<[u32; 2]>> {
+fn fills_of_pages(volume: &Volume<'_>, pages: &[TransportPage]) -> Vec<Vec<[u32; 2]>> {
     const NONE: u32 = u32::MAX;
     let view = volume.view();
     let mut receiver_of_cell = vec![NONE; volume.n_cells()];

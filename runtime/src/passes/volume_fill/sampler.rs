@@ -1,6 +1,6 @@
 //! Lookup in the cells of a volume, as a shader would do it for an object that moves.
 
-use crate::checked_volume::{CheckedVolume, Validity};
+use crate::volume::{Validity, Volume};
 use glam::Vec3;
 use localprt_formats::sh;
 
@@ -10,7 +10,7 @@ const MOST_OUTPUTS: usize = 9;
 /// Light of one relight in the cells of a volume.
 #[derive(Clone, Copy, Debug)]
 pub struct VolumeSampler<'a> {
-    volume: &'a CheckedVolume<'a>,
+    volume: &'a Volume<'a>,
     cells: &'a [Vec3],
 }
 
@@ -19,7 +19,7 @@ impl<'a> VolumeSampler<'a> {
     ///
     /// # Panics
     /// If the array does not have the length of the file.
-    pub fn new(volume: &'a CheckedVolume<'a>, cells: &'a [Vec3]) -> Self {
+    pub fn new(volume: &'a Volume<'a>, cells: &'a [Vec3]) -> Self {
         assert_eq!(cells.len(), volume.n_cells() * volume.n_k());
         Self { volume, cells }
     }
@@ -77,7 +77,6 @@ impl<'a> VolumeSampler<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::checked_bake::CheckedBake;
     use crate::test_bake;
     use std::f32::consts::PI;
 
@@ -100,9 +99,9 @@ mod tests {
     fn only_valid_cells_count_and_their_weights_add_up_to_one() {
         for degree in [1, 2] {
             let arrays = test_bake::furnace_volume(0, degree);
-            let baked = CheckedBake::new(arrays.view()).unwrap();
-            let cells = constants(baked.volume().unwrap().n_k());
-            let sampler = VolumeSampler::new(baked.volume().unwrap(), &cells);
+            let volume = Volume::of(&arrays.checked().unwrap()).unwrap();
+            let cells = constants(volume.n_k());
+            let sampler = VolumeSampler::new(&volume, &cells);
             let corner = Vec3::new(-1.0, 0.0, 1.0);
             let at = |x: f32, y: f32, z: f32| {
                 sampler.irradiance_at(corner + Vec3::new(x, y, z), Vec3::Y).map(|value| value.x / PI)
@@ -129,12 +128,12 @@ mod tests {
     #[test]
     fn the_side_that_light_comes_from_is_brighter() {
         let arrays = test_bake::furnace_volume(0, 2);
-        let baked = CheckedBake::new(arrays.view()).unwrap();
+        let volume = Volume::of(&arrays.checked().unwrap()).unwrap();
         let mut cells = vec![Vec3::ZERO; 72];
         // Radiance 1 + x in cell 1: pi + 2 pi / 3 about +x, pi - 2 pi / 3 about -x, pi about y.
         cells[9] = Vec3::splat((4.0 * PI).sqrt());
         cells[12] = Vec3::splat((4.0 * PI / 3.0).sqrt());
-        let sampler = VolumeSampler::new(baked.volume().unwrap(), &cells);
+        let sampler = VolumeSampler::new(&volume, &cells);
         for (normal, expected) in [(Vec3::X, 5.0 / 3.0), (Vec3::NEG_X, 1.0 / 3.0), (Vec3::Y, 1.0)] {
             let found = sampler.irradiance_at(Vec3::new(0.0, 0.0, 1.0), normal).unwrap();
             assert!((found / PI - expected).abs().max_element() < 1e-5, "{normal}: {found}");

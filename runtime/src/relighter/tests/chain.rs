@@ -7,10 +7,9 @@ fn every_pass_equals_its_twin() {
     let Some((device, queue)) = device("every_pass_equals_its_twin") else { return };
     for (probe_degree, receiver_degree, sky_degree) in [(2, 0, 2), (3, 1, 1), (7, 0, 0), (10, 1, 2), (0, 0, 2)] {
         for sky in [false, true] {
-            // Blocks of odd length are padded with NaN, which must never be used.
             let mut arrays = test_bake::random(probe_degree, receiver_degree, sky_degree);
             for (ray, level) in arrays.ray_level.iter_mut().enumerate() {
-                *level = [0, 1, 2, 3, 9, localprt_formats::LEVEL_SKY, localprt_formats::LEVEL_BLACK][ray % 7];
+                *level = [0, 1, 2, 3, 0, localprt_formats::LEVEL_SKY, localprt_formats::LEVEL_BLACK][ray % 7];
             }
             assert_eq!(assert_chain_agrees(&device, &queue, &arrays, sky), 1);
             assert_eq!(assert_chain_agrees(&device, &queue, &test_bake::with_near(arrays), sky), 1);
@@ -21,10 +20,14 @@ fn every_pass_equals_its_twin() {
 #[test]
 fn maps_of_any_size_equal_their_twins() {
     let Some((device, queue)) = device("maps_of_any_size_equal_their_twins") else { return };
-    for direct_size in [1, 2, 3, 16, 17, 37, 100, 129] {
+    for direct_size in [1, 2, 4, 16, 64, 128] {
         let mut arrays = test_bake::random(2, 0, 1);
         arrays.metadata.direct_size = direct_size;
-        arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 9) as u8);
+        arrays
+            .ray_level
+            .iter_mut()
+            .enumerate()
+            .for_each(|(ray, level)| *level = (ray % (direct_size.ilog2() as usize + 1)) as u8);
         assert_chain_agrees(&device, &queue, &test_bake::with_near(arrays), false);
     }
 }
@@ -48,7 +51,8 @@ fn small_limits_give_the_same_light_in_pages() {
         ..wgpu::Limits::default().or_worse_values_from(&adapter.limits())
     };
     let Some((device, queue)) = device_with(test, tiny) else { return };
-    let refused = Relighter::new(&device, &queue, arrays.view(), SINGLE).err().expect("nothing fits into 256 bytes");
+    let refused =
+        Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).err().expect("nothing fits into 256 bytes");
     assert!(matches!(refused, RelightError::Limit { .. }), "{refused}");
 }
 
@@ -69,8 +73,8 @@ fn half_precision_maps_lose_no_more_than_their_rounding() {
         irradiance_map: MapPrecision::Half,
         ..RelighterOptions::default()
     };
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), half).unwrap();
-    let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), half).unwrap();
+    let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
     let surface = surface(8, 5);
     gpu.set_surface(&surface).unwrap();
     for _ in 0..3 {
@@ -87,7 +91,7 @@ fn the_furnace_settles_at_its_closed_form() {
     let Some((device, queue)) = device("the_furnace_settles_at_its_closed_form") else { return };
     let arrays = test_bake::furnace(3);
     let options = RelighterOptions { bounces: 4, ..SINGLE };
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), options).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), options).unwrap();
     let texels = SurfaceTexels {
         lightmap_uv: Vec::new(),
         size: 8,
@@ -124,7 +128,7 @@ fn materials_replace_albedo_and_emission() {
     let arrays = test_bake::random(2, 0, 1);
     let base = surface(8, 5);
     let material: Vec<u32> = base.index.iter().map(|texel| texel % 3).collect();
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     let direct = zeros(&device, "direct", base.len() as u64 * 16);
     gpu.upload_surface(&Surface { material: &material, ..Surface::of_texels(&base) }, direct);
     gpu.set_direct(&base.direct).unwrap();
@@ -144,7 +148,7 @@ fn materials_replace_albedo_and_emission() {
             expected.albedo[texel] = albedo_override.map_or(albedo, Vec3::splat);
             expected.emission[texel] = own.emission.unwrap_or(base.emission[texel]);
         }
-        let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+        let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
         cpu.step(&RelightInputs::new(&expected)).unwrap();
         assert_passes_agree(&gpu, &cpu, TOLERANCE);
     }
@@ -171,9 +175,9 @@ fn occluders_block_the_same_rays_as_in_the_twin() {
         })
         .collect();
     let surface = surface(8, 5);
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     gpu.set_surface(&surface).unwrap();
-    let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+    let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
     let mut without = Vec::new();
     for occluders in [&[][..], &occluders[..3], &occluders] {
         gpu.set_occluders(occluders).unwrap();
@@ -193,7 +197,7 @@ fn occluders_block_the_same_rays_as_in_the_twin() {
     let too_many = [occluders.clone(), occluders].concat();
     assert!(matches!(gpu.set_occluders(&too_many), Err(RelightError::Occluders { .. })));
     arrays.ray_distance.clear();
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     assert!(matches!(gpu.set_occluders(&too_many[..1]), Err(RelightError::Occluders { .. })));
 }
 
@@ -202,9 +206,9 @@ fn a_map_of_the_host_takes_the_place_of_the_direct_light_map() {
     let Some((device, queue)) = device("a_map_of_the_host_takes_the_place_of_the_direct_light_map") else { return };
     let arrays = test_bake::random(2, 0, 1);
     let surface = surface(8, 5);
-    let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+    let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
     cpu.step(&RelightInputs::new(&surface)).unwrap();
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     let map = |size: u32| {
         device.create_texture(&wgpu::TextureDescriptor {
             label: None,

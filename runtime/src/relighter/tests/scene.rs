@@ -8,7 +8,7 @@ fn the_same_frame_has_the_same_bits() {
     let arrays = repeated(50);
     let surface = surface(8, 5);
     let run = || {
-        let mut gpu = Relighter::new(&device, &queue, arrays.view(), RelighterOptions::default()).unwrap();
+        let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), RelighterOptions::default()).unwrap();
         gpu.set_surface(&surface).unwrap();
         frame(&mut gpu, &DirectLight::Irradiance);
         frame(&mut gpu, &DirectLight::Irradiance);
@@ -21,7 +21,8 @@ fn the_same_frame_has_the_same_bits() {
 fn passes_are_timed_and_memory_is_told() {
     let Some((device, queue)) = device("passes_are_timed_and_memory_is_told") else { return };
     let arrays = repeated(50);
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), RelighterOptions { bounces: 2, ..SINGLE }).unwrap();
+    let mut gpu =
+        Relighter::new(&device, &queue, &arrays.checked().unwrap(), RelighterOptions { bounces: 2, ..SINGLE }).unwrap();
     gpu.set_surface(&surface(8, 5)).unwrap();
     frame(&mut gpu, &DirectLight::Irradiance);
     if device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
@@ -42,26 +43,21 @@ fn passes_are_timed_and_memory_is_told() {
     }
     let memory = gpu.memory();
     let bytes = |name| memory.iter().find(|(found, _)| *found == name).expect("named").1;
-    assert_eq!(bytes("projection"), arrays.projection.len() as u64 * 2);
+    assert_eq!(bytes("projection"), arrays.blocks.view().total(|block| block.projection_pairs) * 4);
     assert_eq!(bytes("probe radiance"), 5 * 16 * 16);
 }
 
 #[test]
-fn files_without_receivers_clusters_or_probes_are_dark_and_no_error() {
-    let Some((device, queue)) = device("files_without_receivers_clusters_or_probes_are_dark_and_no_error") else {
+fn files_without_receivers_or_probes_are_dark_and_no_error() {
+    let Some((device, queue)) = device("files_without_receivers_or_probes_are_dark_and_no_error") else {
         return;
     };
-    let mut empty = BakedArrays::default();
-    (empty.metadata.lightmap_size, empty.metadata.direct_size) = (1, 8);
-    let mut without_clusters = test_bake::random(2, 1, 1);
-    without_clusters.clusters.clear();
+    let empty = test_bake::rays(0, 2, 8, |_| [0.0; 2]);
     let mut without_cells = test_bake::furnace_volume(0, 1);
     let volume = without_cells.volume.as_mut().expect("a volume");
-    volume.cells.clear();
-    volume.fill.clear();
-    volume.clusters.clear();
-    for arrays in [empty, without_clusters, without_cells] {
-        let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    *volume = VolumeArrays { grid: volume.grid, ..VolumeArrays::default() };
+    for arrays in [empty, without_cells] {
+        let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
         gpu.set_surface(&SurfaceTexels { size: arrays.metadata.direct_size, ..SurfaceTexels::default() }).unwrap();
         frame(&mut gpu, &DirectLight::Irradiance);
         assert!(gpu.read_coefficients().unwrap().iter().all(|value| *value == Vec3::ZERO));
@@ -73,7 +69,9 @@ fn a_texel_too_bright_for_its_map_stays_finite() {
     let Some((device, queue)) = device("a_texel_too_bright_for_its_map_stays_finite") else { return };
     let arrays = test_bake::random(3, 0, 1);
     for light_map in [MapPrecision::Half, MapPrecision::Single] {
-        let mut gpu = Relighter::new(&device, &queue, arrays.view(), RelighterOptions { light_map, ..SINGLE }).unwrap();
+        let mut gpu =
+            Relighter::new(&device, &queue, &arrays.checked().unwrap(), RelighterOptions { light_map, ..SINGLE })
+                .unwrap();
         let mut surface = surface(8, 5);
         surface.emission[7] = Vec3::splat(1e37);
         gpu.set_surface(&surface).unwrap();
@@ -87,13 +85,16 @@ fn a_texel_too_bright_for_its_map_stays_finite() {
 fn inputs_that_do_not_fit_are_refused() {
     let Some((device, queue)) = device("inputs_that_do_not_fit_are_refused") else { return };
     let arrays = test_bake::random(2, 0, 1);
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     assert!(matches!(gpu.set_surface(&surface(4, 5)), Err(RelightError::MapSize { expected: 8, found: 4 })));
     assert!(matches!(gpu.set_direct(&[Vec3::ONE]), Err(RelightError::Length { .. })));
     assert!(matches!(gpu.set_sky(&[Vec3::ONE], &[]), Err(RelightError::Length { .. })));
     assert!(matches!(gpu.set_sky(&[Vec3::NAN; 4], &[]), Err(RelightError::NotFinite { index: 0, .. })));
     let cap = RelighterOptions { feedback_albedo_cap: 1.5, ..SINGLE };
-    assert!(matches!(Relighter::new(&device, &queue, arrays.view(), cap), Err(RelightError::AlbedoCap { .. })));
+    assert!(matches!(
+        Relighter::new(&device, &queue, &arrays.checked().unwrap(), cap),
+        Err(RelightError::AlbedoCap { .. })
+    ));
 }
 
 /// A floor of 8 x 8 texels, 4 metres wide, with a roof of one triangle over one corner.
@@ -124,7 +125,7 @@ fn lit_floor() -> (SceneTexels, ShadowCasters) {
 fn lights_shine_through_shadow_maps_into_the_probes() {
     let Some((device, queue)) = device("lights_shine_through_shadow_maps_into_the_probes") else { return };
     let arrays = test_bake::random(2, 0, 1);
-    let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
+    let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
     let mut encoder = device.create_command_encoder(&Default::default());
     assert_eq!(gpu.encode(&mut encoder, &DirectLight::Lights), Err(RelightError::NoScene));
 
@@ -155,7 +156,7 @@ fn lights_shine_through_shadow_maps_into_the_probes() {
             0..60
         };
         assert!(expected.contains(&n_shadowed), "{n_shadowed} texels in shadow of {} lights", lights.len());
-        let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+        let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
         cpu.step(&RelightInputs::new(&texels.shaded(&[], None, direct))).unwrap();
         if lights.is_empty() {
             assert!(gpu.read_coefficients().unwrap().iter().all(|value| *value == Vec3::ZERO));
@@ -178,9 +179,12 @@ fn the_volume_equals_its_twin_in_buffers_and_textures() {
     let Some((device, queue)) = device("the_volume_equals_its_twin_in_buffers_and_textures") else { return };
     for (degree, dims) in [(1, [2, 2, 2]), (1, [4, 2, 1]), (2, [1, 4, 2])] {
         let mut arrays = test_bake::furnace_volume(2, degree);
-        arrays.volume.as_mut().expect("a volume").grid.dims = dims;
-        let mut gpu = Relighter::new(&device, &queue, arrays.view(), SINGLE).unwrap();
-        let mut cpu = CpuRelighter::new(arrays.view()).unwrap();
+        let volume = arrays.volume.as_mut().expect("a volume");
+        let block = volume.blocks.view().to_block(0, volume.grid.n_k()).expect("a block");
+        volume.grid.dims = dims;
+        *volume = test_bake::volume(volume.grid, volume.cells.clone(), &block, volume.fill.clone());
+        let mut gpu = Relighter::new(&device, &queue, &arrays.checked().unwrap(), SINGLE).unwrap();
+        let mut cpu = CpuRelighter::new(arrays.checked().unwrap());
         let surface = surface(arrays.metadata.direct_size, 5);
         gpu.set_surface(&surface).unwrap();
         let inputs = RelightInputs::new(&surface);
@@ -189,8 +193,7 @@ fn the_volume_equals_its_twin_in_buffers_and_textures() {
         frame(&mut gpu, &DirectLight::Irradiance);
         frame(&mut gpu, &DirectLight::Irradiance);
         let cells = cpu.volume().expect("a volume");
-        let baked = CheckedBake::new(arrays.view()).unwrap();
-        let volume = baked.volume().expect("a volume");
+        let volume = cpu.volume_cells().expect("a volume");
         let n_k = volume.n_k();
         let of_receivers: Vec<Vec3> =
             volume.view().cells.iter().flat_map(|&cell| cells[cell as usize * n_k..][..n_k].iter().copied()).collect();

@@ -107,17 +107,17 @@ pub fn figures(ui: &mut egui::Ui, app: &App<'_>, figures: &Figures<'_>) {
 }
 
 fn file(ui: &mut egui::Ui, app: &App<'_>) {
-    let (baked, scene) = (&app.bake.baked, app.bake.scene());
+    let (baked, scene) = (app.bake.baked.view(), app.bake.scene());
     let n_receivers = baked.receiver_position.len();
-    let coefficients: u64 =
-        baked.clusters.iter().map(|cluster| u64::from(cluster.n_coefficients) * u64::from(cluster.n_receivers)).sum();
+    let clusters = &app.bake.baked.transport().clusters;
+    let coefficients: usize = clusters.iter().map(|cluster| cluster.lights.len() * cluster.receivers.len()).sum();
     let rows = [
         ("triangles", scene.face_count().to_string()),
         ("probes", baked.probes.len().to_string()),
         ("probe degree", baked.metadata.probe_degree.to_string()),
         ("receivers", n_receivers.to_string()),
         ("receiver degree", baked.metadata.receiver_degree.to_string()),
-        ("clusters", baked.clusters.len().to_string()),
+        ("clusters", clusters.len().to_string()),
         ("coefficients per receiver", format!("{:.1}", coefficients as f64 / n_receivers.max(1) as f64)),
         ("light map", format!("{0} x {0}", baked.metadata.lightmap_size)),
         ("direct light map", format!("{0} x {0}", baked.metadata.direct_size)),

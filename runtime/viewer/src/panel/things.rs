@@ -8,7 +8,7 @@ use localprt_runtime::MAX_OCCLUDERS;
 
 pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
     ui.checkbox(&mut app.state.animate, "animation").on_hover_text("Space");
-    if app.bake.baked.ray_distance.is_empty() {
+    if app.bake.baked.view().ray_distance.is_empty() {
         ui.label("This file has no ray distances: balls and door throw shadows, but block no indirect light.");
     }
     let (bake, extent_m) = (app.bake, app.bake.extent_m());
@@ -58,7 +58,7 @@ pub fn things(ui: &mut egui::Ui, app: &mut App<'_>) {
         radiance(ui, "albedo", &mut object.albedo, 1.0);
         radiance(ui, "emission", &mut object.emission, 1e3);
         ui.checkbox(&mut object.circles, "moves");
-        if app.bake.baked.volume.is_none() {
+        if app.bake.baked.view().volume.is_none() {
             ui.label("This file has no volume: the ball is lit by the probes around it, which know no walls.");
         }
     }

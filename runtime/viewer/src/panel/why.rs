@@ -24,8 +24,8 @@ pub fn why(ui: &mut egui::Ui, app: &mut App<'_>) {
 }
 
 fn probe(ui: &mut egui::Ui, bake: &OpenBake<'_>, index: u32) {
-    let Some(probe) = bake.baked.probes.get(index as usize) else { return };
-    let n_clusters = bake.baked.cluster_probes.iter().filter(|&&probe| probe == index).count();
+    let Some(probe) = bake.baked.view().probes.get(index as usize) else { return };
+    let n_clusters = bake.baked.transport().clusters.iter().filter(|cluster| cluster.probes.contains(&index)).count();
     let [x, y, z] = probe.position;
     ui.label(format!(
         "probe {index}: {x:.2}, {y:.2}, {z:.2}; support radius {:.2} m; in {n_clusters} clusters",
@@ -35,16 +35,18 @@ fn probe(ui: &mut egui::Ui, bake: &OpenBake<'_>, index: u32) {
 
 fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
     let baked = &app.bake.baked;
-    let cluster = cluster_of(app.bake, index);
-    let unseen = baked.receiver_unseen.get(index as usize).copied().unwrap_or(0.0);
+    let transport = baked.transport();
+    let unseen = baked.view().receiver_unseen.get(index as usize).copied().unwrap_or(0.0);
     ui.label(format!("receiver {index}: unseen {:.1} %", 100.0 * unseen));
-    if let Some((number, coefficients, receivers)) = cluster {
+    if let Some(number) = transport.cluster_of(index as usize) {
+        let cluster = &transport.clusters[number];
+        let (coefficients, receivers) = (cluster.lights.len(), cluster.receivers.len());
         ui.label(format!("cluster {number}: {coefficients} coefficients for {receivers} receivers"));
     }
-    if let Some(near) = &baked.near {
-        let links = near.links_of(index);
+    if baked.has_near_light() {
+        let links = transport.links_of(index as usize);
         let irradiance: f32 = links.iter().map(|link| link.1).sum();
-        let share = if baked.metadata.receiver_degree == 0 { irradiance / std::f32::consts::PI } else { f32::NAN };
+        let share = if transport.n_k == 1 { irradiance / std::f32::consts::PI } else { f32::NAN };
         let share = if share.is_nan() { String::new() } else { format!(", {:.1} % of its view", 100.0 * share) };
         ui.label(format!("{} links to the light map{share}", links.len()));
     }
@@ -72,13 +74,4 @@ fn receiver(ui: &mut egui::Ui, app: &mut App<'_>, index: u32) {
             ui.end_row();
         }
     });
-}
-
-/// Number, coefficients and receivers of a receiver's cluster.
-fn cluster_of(bake: &OpenBake<'_>, receiver: u32) -> Option<(usize, u32, u32)> {
-    let clusters = bake.baked.clusters;
-    // Receivers of a cluster follow each other.
-    let number = clusters.partition_point(|cluster| cluster.first_receiver <= receiver).checked_sub(1)?;
-    let cluster = &clusters[number];
-    Some((number, cluster.n_coefficients, cluster.n_receivers))
 }

@@ -1,6 +1,6 @@
 //! Colors of clusters, in which neighbors differ.
 
-use localprt_formats::{BakedView, directions::counter_hash};
+use localprt_formats::{Checked, directions::counter_hash};
 
 /// Colors that are told apart easily, after Trubetskoy 2017, "List of 20 Simple, Distinct Colors". Neither white nor black.
 pub(super) const PALETTE: [[u8; 3]; 16] = [
@@ -23,22 +23,21 @@ pub(super) const PALETTE: [[u8; 3]; 16] = [
 ];
 const SEED: u64 = 9;
 
-/// Cluster of each receiver; `u32::MAX` for one that has none.
-pub(super) fn of_receivers(baked: &BakedView<'_>) -> Vec<u32> {
-    let mut of_receiver = vec![u32::MAX; baked.receiver_texel.len()];
-    for (index, cluster) in baked.clusters.iter().enumerate() {
-        let members = of_receiver.iter_mut().skip(cluster.first_receiver as usize);
-        members.take(cluster.n_receivers as usize).for_each(|member| *member = index as u32);
+/// Cluster of each receiver.
+pub(super) fn of_receivers(baked: &Checked<'_>) -> Vec<u32> {
+    let mut of_receiver = vec![u32::MAX; baked.view().receiver_texel.len()];
+    for (index, cluster) in baked.transport().clusters.iter().enumerate() {
+        of_receiver[cluster.receivers.clone()].fill(index as u32);
     }
     of_receiver
 }
 
 /// `[n_clusters]`: the same for the same file. Clusters whose texels touch, or that meet at a seam, have different colors
 /// as long as they do not have neighbors in all of them.
-pub(super) fn colors(baked: &BakedView<'_>) -> Vec<[u8; 3]> {
+pub(super) fn colors(baked: &Checked<'_>) -> Vec<[u8; 3]> {
     let pairs = neighbors(baked);
-    let mut chosen: Vec<usize> = Vec::with_capacity(baked.clusters.len());
-    for cluster in 0..baked.clusters.len() {
+    let mut chosen: Vec<usize> = Vec::with_capacity(baked.transport().clusters.len());
+    for cluster in 0..baked.transport().clusters.len() {
         let first = pairs.partition_point(|&[from, _]| (from as usize) < cluster);
         let around = pairs[first..].iter().take_while(|&&[from, _]| from as usize == cluster);
         let taken: Vec<usize> = around.filter_map(|&[_, to]| chosen.get(to as usize).copied()).collect();
@@ -50,17 +49,17 @@ pub(super) fn colors(baked: &BakedView<'_>) -> Vec<[u8; 3]> {
 }
 
 /// Pairs of clusters side by side, in both orders, sorted.
-fn neighbors(baked: &BakedView<'_>) -> Vec<[u32; 2]> {
-    let size = baked.metadata.lightmap_size as usize;
+fn neighbors(baked: &Checked<'_>) -> Vec<[u32; 2]> {
+    let size = baked.view().metadata.lightmap_size as usize;
     let of_receiver = of_receivers(baked);
     let mut at_texel = vec![u32::MAX; size * size];
-    for (&texel, &cluster) in baked.receiver_texel.iter().zip(&of_receiver) {
+    for (&texel, &cluster) in baked.view().receiver_texel.iter().zip(&of_receiver) {
         if let Some(slot) = at_texel.get_mut(texel as usize) {
             *slot = cluster;
         }
     }
     let cluster = |receiver: u32| of_receiver.get(receiver as usize).copied().unwrap_or(u32::MAX);
-    let mut pairs: Vec<[u32; 2]> = baked.seams.iter().map(|pair| pair.map(cluster)).collect();
+    let mut pairs: Vec<[u32; 2]> = baked.view().seams.iter().map(|pair| pair.map(cluster)).collect();
     for row in at_texel.chunks_exact(size.max(1)) {
         pairs.extend(row.windows(2).map(|pair| [pair[0], pair[1]]));
     }

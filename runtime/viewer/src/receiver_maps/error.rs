@@ -2,7 +2,7 @@
 
 use super::{Legend, ReceiverMap, percentages, ramp_map};
 use glam::Vec3;
-use localprt_formats::BakedView;
+use localprt_formats::Checked;
 use localprt_tools::metrics::relative_errors;
 use localprt_tools::range::nice_range;
 use localprt_tools::reference_file::ReferenceFile;
@@ -14,7 +14,7 @@ const REACH: f32 = 4.0;
 /// Cosine between normals up to which receivers face the same way.
 const FACING: f32 = 0.5;
 
-pub(super) fn map(baked: &BakedView<'_>, reference: &ReferenceFile) -> ReceiverMap {
+pub(super) fn map(baked: &Checked<'_>, reference: &ReferenceFile) -> ReceiverMap {
     let colors = |values: fn(&localprt_tools::reference_file::ReferencePoint) -> [f32; 3]| {
         reference.points.iter().map(|point| Vec3::from(values(point))).collect::<Vec<_>>()
     };
@@ -28,7 +28,7 @@ pub(super) fn map(baked: &BakedView<'_>, reference: &ReferenceFile) -> ReceiverM
         "{} at {} of {} receivers; {} bounces under {}",
         percentages(&errors),
         measured.len(),
-        baked.receiver_texel.len(),
+        baked.view().receiver_texel.len(),
         reference.bounces,
         reference.state
     );
@@ -38,15 +38,15 @@ pub(super) fn map(baked: &BakedView<'_>, reference: &ReferenceFile) -> ReceiverM
 
 /// Values at `[n_receivers]` from those at measured ones, which rise: each its own; any other that of the nearest measured
 /// one of its cluster, or else of the nearest one around that faces the same way; NaN where there is none.
-pub(super) fn everywhere(baked: &BakedView<'_>, measured: &[(u32, f32)]) -> Vec<f32> {
+pub(super) fn everywhere(baked: &Checked<'_>, measured: &[(u32, f32)]) -> Vec<f32> {
     let position =
-        |receiver: u32| baked.receiver_position.get(receiver as usize).map_or(Vec3::NAN, |&at| Vec3::from(at));
-    let mut values = vec![f32::NAN; baked.receiver_texel.len()];
+        |receiver: u32| baked.view().receiver_position.get(receiver as usize).map_or(Vec3::NAN, |&at| Vec3::from(at));
+    let mut values = vec![f32::NAN; baked.view().receiver_texel.len()];
     let around = Around::new(baked, measured);
-    let of_cluster = |cluster: &localprt_formats::ClusterRecord| -> Vec<(u32, f32)> {
-        let end = cluster.first_receiver.saturating_add(cluster.n_receivers).min(values.len() as u32);
-        let first = measured.partition_point(|&(receiver, _)| receiver < cluster.first_receiver);
-        let own = &measured[first..measured.partition_point(|&(receiver, _)| receiver < end).max(first)];
+    let of_cluster = |cluster: &localprt_formats::Cluster<'_>| -> Vec<(u32, f32)> {
+        let (start, end) = (cluster.receivers.start as u32, cluster.receivers.end as u32);
+        let first = measured.partition_point(|&(receiver, _)| receiver < start);
+        let own = &measured[first..measured.partition_point(|&(receiver, _)| receiver < end)];
         let value = |receiver: u32| {
             if let Ok(index) = own.binary_search_by_key(&receiver, |&(receiver, _)| receiver) {
                 return own[index].1;
@@ -57,9 +57,9 @@ pub(super) fn everywhere(baked: &BakedView<'_>, measured: &[(u32, f32)]) -> Vec<
             });
             nearest.map_or_else(|| around.nearest(receiver), |&(_, value)| value)
         };
-        (cluster.first_receiver..end).map(|receiver| (receiver, value(receiver))).collect()
+        (start..end).map(|receiver| (receiver, value(receiver))).collect()
     };
-    let found: Vec<_> = baked.clusters.par_iter().map(of_cluster).collect();
+    let found: Vec<_> = baked.transport().clusters.par_iter().map(of_cluster).collect();
     for (receiver, value) in found.into_iter().flatten() {
         values[receiver as usize] = value;
     }
@@ -68,20 +68,20 @@ pub(super) fn everywhere(baked: &BakedView<'_>, measured: &[(u32, f32)]) -> Vec<
 
 /// Measured receivers by x, for those whose clusters have none.
 struct Around<'a> {
-    baked: &'a BakedView<'a>,
+    baked: &'a Checked<'a>,
     /// Position, receiver, value.
     sorted: Vec<(Vec3, u32, f32)>,
     reach_m: f32,
 }
 
 impl<'a> Around<'a> {
-    fn new(baked: &'a BakedView<'a>, measured: &[(u32, f32)]) -> Self {
+    fn new(baked: &'a Checked<'a>, measured: &[(u32, f32)]) -> Self {
         let placed = |&(receiver, value): &(u32, f32)| {
-            Some((Vec3::from(*baked.receiver_position.get(receiver as usize)?), receiver, value))
+            Some((Vec3::from(*baked.view().receiver_position.get(receiver as usize)?), receiver, value))
         };
         let mut sorted: Vec<_> = measured.iter().filter_map(placed).collect();
         sorted.sort_by(|(a, ..), (b, ..)| a.x.total_cmp(&b.x));
-        let [low, high] = baked.metadata.bounds.map(Vec3::from);
+        let [low, high] = baked.view().metadata.bounds.map(Vec3::from);
         let sides = (high - low).max(Vec3::ZERO);
         let walls = 2.0 * (sides.x * sides.y + sides.y * sides.z + sides.z * sides.x);
         let reach_m = REACH * (walls / sorted.len().max(1) as f32).sqrt();
@@ -90,9 +90,9 @@ impl<'a> Around<'a> {
 
     fn nearest(&self, receiver: u32) -> f32 {
         let normal = |receiver: u32| {
-            self.baked.receiver_normal.get(receiver as usize).map_or(Vec3::ZERO, |&normal| Vec3::from(normal))
+            self.baked.view().receiver_normal.get(receiver as usize).map_or(Vec3::ZERO, |&normal| Vec3::from(normal))
         };
-        let Some(&at) = self.baked.receiver_position.get(receiver as usize) else { return f32::NAN };
+        let Some(&at) = self.baked.view().receiver_position.get(receiver as usize) else { return f32::NAN };
         let (at, own) = (Vec3::from(at), normal(receiver));
         let first = self.sorted.partition_point(|(point, ..)| point.x < at.x - self.reach_m);
         let mut best = (self.reach_m, f32::NAN);

@@ -1,5 +1,5 @@
 use super::*;
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata};
+use localprt_formats::{BakedArrays, BlockArrays, ClusterRecord, Metadata, TransportBlock};
 use localprt_tools::reference_file::ReferencePoint;
 
 const GREY: [u8; 4] = [128, 128, 128, 255];
@@ -8,15 +8,8 @@ const NOTHING: [u8; 4] = [0; 4];
 /// Four texels a side. Cluster 0: a row of receivers 0 to 3 in the first row, x = 0 to 3 m; cluster 1: receivers 4 and 5
 /// below the first two; cluster 2: receiver 6 in the last texel, looking down. Texel 8 is receiver 4's gutter.
 fn baked() -> BakedArrays {
-    let cluster = |first_receiver, n_receivers, n_coefficients| ClusterRecord {
-        first_receiver,
-        n_receivers,
-        n_coefficients,
-        ..Default::default()
-    };
     let at = |x: f32, z: f32| [x, 0.0, z];
-    BakedArrays {
-        metadata: Metadata { lightmap_size: 4, bounds: [[0.0, 0.0, 0.0], [4.0, 1.0, 4.0]], ..Metadata::default() },
+    let mut arrays = BakedArrays {
         receiver_texel: vec![0, 1, 2, 3, 4, 5, 15],
         receiver_position: vec![
             at(0.0, 0.0),
@@ -29,10 +22,33 @@ fn baked() -> BakedArrays {
         ],
         receiver_normal: [vec![[0.0, 1.0, 0.0]; 6], vec![[0.0, -1.0, 0.0]]].concat(),
         receiver_unseen: vec![0.0, 0.05, 0.1, 0.2, 0.0, 0.0, 0.0],
-        clusters: vec![cluster(0, 4, 5), cluster(4, 2, 10), cluster(6, 1, 0)],
         gutters: vec![[8, 4]],
+        ..without_probes(4)
+    };
+    arrays.blocks = blocks(&[(4, 5), (2, 10), (1, 0)], &arrays.receiver_position);
+    arrays
+}
+
+/// A map of so many texels a side, without receivers.
+fn without_probes(lightmap_size: u32) -> BakedArrays {
+    let bounds = [[0.0, 0.0, 0.0], [4.0, 1.0, 4.0]];
+    BakedArrays {
+        metadata: Metadata { lightmap_size, direct_size: 1, n_rays: 1, bounds, ..Metadata::default() },
+        ray_dirs: vec![[0.0, 1.0, 0.0, 0.0]],
+        ray_sh: vec![1.0],
         ..BakedArrays::default()
     }
+}
+
+/// Clusters of so many receivers and coefficients that read the sky.
+fn blocks(clusters: &[(u32, u32)], positions: &[[f32; 3]]) -> BlockArrays {
+    let mut block = TransportBlock::default();
+    for &(n_receivers, n_coefficients) in clusters {
+        let zeros = |count: u32| vec![half::f16::ZERO; count as usize];
+        let record = ClusterRecord { n_receivers, n_probes: 0, n_sky: 1, n_coefficients };
+        block.push(record, &[], &zeros(n_coefficients), &zeros(n_coefficients * n_receivers));
+    }
+    BlockArrays::of_one(&block, positions)
 }
 
 fn reference(errors: &[(u32, f32)]) -> ReferenceFile {
@@ -61,24 +77,25 @@ fn ramp(t: f32) -> [u8; 4] {
 }
 
 fn shown(view: ViewKind, reference: Option<&ReferenceFile>) -> ReceiverMap {
-    receiver_map(view, &baked().view(), reference).expect("a map")
+    receiver_map(view, &baked().checked().expect("a sound file"), reference).expect("a map")
 }
 
 #[test]
 fn maps_are_there_for_map_views_alone() {
     let measured = reference(&[(0, 0.0)]);
     for view in ViewKind::ALL {
-        let map = receiver_map(view, &baked().view(), Some(&measured));
+        let map = receiver_map(view, &baked().checked().expect("a sound file"), Some(&measured));
         assert_eq!(map.is_some(), view.is_map(), "{}", view.name());
         let Some(map) = map else { continue };
         assert_eq!((map.size, map.rgba.len()), (4, 64));
         assert!(map.legend.colors.is_empty() || map.legend.low < map.legend.high);
         assert!(!map.legend.title.is_empty() && !map.legend.note.is_empty());
     }
-    assert_eq!(receiver_map(ViewKind::Error, &baked().view(), None), None);
-    let empty = BakedArrays::default();
+    assert_eq!(receiver_map(ViewKind::Error, &baked().checked().expect("a sound file"), None), None);
+    let empty = without_probes(1);
     for view in ViewKind::ALL {
-        assert!(receiver_map(view, &empty.view(), Some(&measured)).is_none_or(|map| map.rgba.is_empty()));
+        let map = receiver_map(view, &empty.checked().expect("a sound file"), Some(&measured));
+        assert!(map.is_none_or(|map| map.rgba.len() == 4));
     }
 }
 
@@ -115,16 +132,17 @@ fn clusters_side_by_side_differ() {
     // Every texel its own cluster, all in a seam with the first: no two neighbors alike.
     let side = 24u32;
     let count = side * side;
+    let positions = vec![[0.0; 3]; count as usize];
     let arrays = BakedArrays {
-        metadata: Metadata { lightmap_size: side, ..Metadata::default() },
         receiver_texel: (0..count).collect(),
-        clusters: (0..count)
-            .map(|receiver| ClusterRecord { first_receiver: receiver, n_receivers: 1, ..Default::default() })
-            .collect(),
+        receiver_normal: vec![[0.0, 1.0, 0.0]; count as usize],
+        receiver_unseen: vec![0.0; count as usize],
+        blocks: blocks(&vec![(1, 0); count as usize], &positions),
+        receiver_position: positions,
         seams: (1..count).map(|receiver| [0, receiver]).collect(),
-        ..BakedArrays::default()
+        ..without_probes(side)
     };
-    let colors = clusters::colors(&arrays.view());
+    let colors = clusters::colors(&arrays.checked().expect("a sound file"));
     for texel in 0..count {
         let (x, y) = (texel % side, texel / side);
         let color = colors[texel as usize];
@@ -166,10 +184,12 @@ fn errors_are_relative_and_spread_within_the_cluster() {
 fn far_away_nothing_is_guessed() {
     let mut arrays = baked();
     arrays.receiver_position[4] = [0.0, 0.0, 500.0];
-    let values = error::everywhere(&arrays.view(), &[(0, 0.5)]);
+    arrays.blocks = blocks(&[(4, 5), (2, 10), (1, 0)], &arrays.receiver_position);
+    let arrays = arrays.checked().expect("a sound file");
+    let values = error::everywhere(&arrays, &[(0, 0.5)]);
     assert_eq!(values[..4], [0.5; 4]);
     assert!(values[4].is_nan() && values[5] == 0.5 && values[6].is_nan(), "{values:?}");
     // Receivers that the file does not have are no reason to panic.
-    let values = error::everywhere(&arrays.view(), &[(0, 0.5), (900, 0.25)]);
+    let values = error::everywhere(&arrays, &[(0, 0.5), (900, 0.25)]);
     assert_eq!(values[..4], [0.5; 4]);
 }

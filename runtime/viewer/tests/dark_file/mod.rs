@@ -1,7 +1,9 @@
 //! What pictures with known pixels start from: a device, and a file without light.
 
 use half::f16;
-use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, directions::spherical_fibonacci};
+use localprt_formats::{
+    BakedArrays, BlockArrays, ClusterRecord, Metadata, Probe, TransportBlock, directions::spherical_fibonacci,
+};
 use localprt_runtime::gpu::headless;
 
 /// A device, or `None` with a line that says so; a failure if `REQUIRE_GPU` is set.
@@ -14,6 +16,15 @@ pub fn device(test: &str) -> Option<(wgpu::Device, wgpu::Queue)> {
             None
         }
     }
+}
+
+/// Transport to one receiver: its output is this row times the radiance of the first `n_probes` probes and of the sky.
+pub fn one_receiver(n_probes: u32, n_sky: u32, row: &[f32]) -> BlockArrays {
+    let row: Vec<f16> = row.iter().map(|&value| f16::from_f32(value)).collect();
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 1, n_probes, n_sky, n_coefficients: 1 };
+    block.push(record, &(0..n_probes).collect::<Vec<_>>(), &row, &[f16::ONE]);
+    BlockArrays::of_one(&block, &[[0.0; 3]])
 }
 
 /// A file whose transport is zero.
@@ -30,10 +41,7 @@ pub fn dark_file() -> BakedArrays {
         receiver_position: vec![[0.0; 3]],
         receiver_normal: vec![[0.0, 1.0, 0.0]],
         receiver_unseen: vec![0.0],
-        clusters: vec![ClusterRecord { n_receivers: 1, n_probes: 1, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0],
-        projection: vec![f16::ZERO; 2],
-        reconstruction: vec![f16::ZERO; 2],
+        blocks: one_receiver(1, 0, &[0.0]),
         ..BakedArrays::default()
     }
 }

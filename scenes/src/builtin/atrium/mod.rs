@@ -10,7 +10,7 @@ mod textures;
 
 use super::shapes::{noise, sin_cos};
 use super::{camera, matte};
-use crate::lighting::{Light, LightKind};
+use crate::light::{Light, LightKind};
 use crate::scene::{AlphaMode, Material, Scene, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
 

@@ -124,10 +124,14 @@ fn what_cannot_be_a_file_is_refused() {
 
 #[test]
 fn another_bake_is_told_apart() {
-    use half::f16;
-    use localprt_formats::{BakedArrays, ClusterRecord, Metadata, Probe, directions::spherical_fibonacci};
+    use localprt_formats::{
+        BakedArrays, BlockArrays, ClusterRecord, Metadata, Probe, TransportBlock, directions::spherical_fibonacci,
+    };
 
     let n_rays = 16;
+    let mut block = TransportBlock::default();
+    let record = ClusterRecord { n_receivers: 1, n_probes: 0, n_sky: 0, n_coefficients: 0 };
+    block.push(record, &[], &[], &[]);
     let arrays = BakedArrays {
         metadata: Metadata { lightmap_size: 1, direct_size: 1, n_rays, ..Metadata::default() },
         probes: vec![Probe { position: [0.0; 3], support_radius_m: 1.0 }],
@@ -139,10 +143,7 @@ fn another_bake_is_told_apart() {
         receiver_position: vec![[0.0; 3]],
         receiver_normal: vec![[0.0, 1.0, 0.0]],
         receiver_unseen: vec![0.0],
-        clusters: vec![ClusterRecord { n_receivers: 1, n_probes: 1, n_coefficients: 1, ..Default::default() }],
-        cluster_probes: vec![0],
-        projection: vec![f16::ZERO; 2],
-        reconstruction: vec![f16::ZERO; 2],
+        blocks: BlockArrays::of_one(&block, &[[0.0; 3]]),
         ..BakedArrays::default()
     };
     let folder = tempfile::tempdir().expect("folder");

@@ -19,7 +19,7 @@ fn levels(size: u32, color: impl Fn(usize) -> Option<Vec3>) -> Vec<CoverageMap> 
 }
 
 fn relight(arrays: &BakedArrays, light_map: &[CoverageMap], sky_rays: &[Vec3]) -> Vec<Vec3> {
-    let baked = CheckedBake::new(arrays.view()).unwrap();
+    let baked = arrays.checked().unwrap();
     let mut probe_radiance = vec![Vec3::NAN; baked.n_probes() * baked.n_sh()];
     probe_relight(&baked, light_map, sky_rays, &[], &mut probe_radiance);
     probe_radiance
@@ -33,7 +33,7 @@ fn two_sides(axis: Vec3) -> BakedArrays {
 #[test]
 fn constant_radiance_gives_the_constant_function_only() {
     let mut arrays = test_bake::rays(3, 7, 8, |d| [0.5 * d.x + 0.5, 0.5 * d.y + 0.5]);
-    arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 7) as u8);
+    arrays.ray_level.iter_mut().enumerate().for_each(|(ray, level)| *level = (ray % 4) as u8);
     // A checkerboard of covered texels: uncovered ones must not show.
     let light_map = levels(8, |i| ((i + i / 8) % 2 == 0).then_some(WHITE));
     for lambda in relight(&arrays, &light_map, &[]).chunks(64) {
@@ -83,7 +83,7 @@ fn level_zero_is_exact_at_texel_centers() {
 fn rays_read_their_own_level() {
     // 4 x 4, one bright texel of 16 in the corner; rays look at the corner.
     let light_map = levels(4, |i| Some(if i == 0 { 16.0 * WHITE } else { Vec3::ZERO }));
-    for (level, expected) in [(0, 16.0), (1, 4.0), (2, 1.0), (15, 1.0)] {
+    for (level, expected) in [(0, 16.0), (1, 4.0), (2, 1.0)] {
         let mut arrays = test_bake::rays(1, 0, 4, |_| [0.0, 0.0]);
         arrays.ray_level.fill(level);
         let found = relight(&arrays, &light_map, &[])[0].x / (4.0 * PI).sqrt();
@@ -167,11 +167,11 @@ fn plain_read(map: &CoverageMap, uv: u32) -> Option<[f64; 3]> {
 #[test]
 fn agrees_with_a_plain_sum_in_double_precision() {
     // Degree 4 has 25 functions: three groups of lanes and a rest. 1000 rays are 15 blocks and a rest.
-    let mut arrays = test_bake::rays(3, 4, 11, |d| [(0.5 * d.x + 0.5).sqrt(), 0.5 * d.z + 0.5]);
+    let mut arrays = test_bake::rays(3, 4, 16, |d| [(0.5 * d.x + 0.5).sqrt(), 0.5 * d.z + 0.5]);
     let kinds = [0, 1, 2, 3, 4, LEVEL_SKY, LEVEL_BLACK];
     arrays.ray_level.iter_mut().enumerate().for_each(|(hit, level)| *level = kinds[hit % kinds.len()]);
-    let colors = test_bake::random_colors(5, 121);
-    let light_map = levels(11, |i| (i % 5 < 3).then(|| colors[i] + 0.5));
+    let colors = test_bake::random_colors(5, 256);
+    let light_map = levels(16, |i| (i % 5 < 3).then(|| colors[i] + 0.5));
     let sky = test_bake::random_colors(6, N_RAYS as usize);
     let found = relight(&arrays, &light_map, &sky);
     for (value, (sum, magnitude)) in found.iter().zip(plain_relight(&arrays, &light_map, &sky)) {

@@ -1,7 +1,41 @@
-//! What a punctual light sends to a point, by the formulas of KHR_lights_punctual.
+//! Punctual lights, and what they send to a point, by the formulas of KHR_lights_punctual.
 
-use super::{Light, LightKind};
 use glam::Vec3;
+
+/// A punctual light as in KHR_lights_punctual.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Name for messages.
+    pub name: String,
+    /// Type with its own parameters.
+    pub kind: LightKind,
+    /// World position in metres (not used by directional lights).
+    pub position: Vec3,
+    /// Unit direction in which the light travels (not used by point lights).
+    pub direction: Vec3,
+    /// Linear color.
+    pub color: Vec3,
+    /// Candela for point and spot, lux for directional.
+    pub intensity: f32,
+    /// Distance in metres at which the light is cut off; `None` is infinite.
+    pub range: Option<f32>,
+}
+
+/// Type of a punctual light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Shines everywhere alike.
+    Point,
+    /// A cone; half angles in radians.
+    Spot {
+        /// Full intensity inside.
+        inner_cone: f32,
+        /// None outside.
+        outer_cone: f32,
+    },
+    /// Parallel light.
+    Directional,
+}
 
 /// Light that arrives at a point, if nothing is in between.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,0 +1,337 @@
+//! Blocks of transport: what one leaf of receivers needs, in one run of bytes, without an offset that reaches out of it.
+//!
+//! A block is the unit in which transport is made, stored, read and checked. The lightmap's transport is a list of blocks and so is
+//! that of a volume: a table of [`BlockRecord`]s, and the bytes of all blocks. `SPEC.md`, 3.1.
+
+use crate::header::ALIGNMENT;
+use bytemuck::{Pod, Zeroable};
+use half::f16;
+
+/// Most receivers of a tile of near light.
+pub const NEAR_TILE: u32 = 64;
+/// Most nodes of a tile of near light.
+pub const NEAR_NODES: u32 = 256;
+/// Most singular values per cluster.
+pub const MAX_COEFFICIENTS: u32 = 255;
+
+/// Entry of a block table: how many of everything a block has, and where its bytes lie.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct BlockRecord {
+    /// Receivers, at least 1; those of all blocks follow each other.
+    pub n_receivers: u32,
+    /// Clusters.
+    pub n_clusters: u32,
+    /// Supporting probes of all its clusters.
+    pub n_cluster_probes: u32,
+    /// Kept singular values of all its clusters.
+    pub n_lights: u32,
+    /// Pairs of f16 in its `S V^T`.
+    pub projection_pairs: u32,
+    /// Pairs of f16 in its `U`.
+    pub reconstruction_pairs: u32,
+    /// Tiles of near light; 0 if no receiver has a link.
+    pub n_tiles: u32,
+    /// Nodes of its tiles.
+    pub n_nodes: u32,
+    /// Links of its receivers.
+    pub n_links: u32,
+    /// CRC-32C of its bytes.
+    pub checksum: u32,
+    /// Its first byte among those of all blocks: low and high half of a u64.
+    pub offset: [u32; 2],
+    /// Least box of its receivers' positions, metres.
+    pub bounds: [[f32; 3]; 2],
+    /// BLAKE3 of its bytes: blocks of the same hash are the same.
+    pub hash: [u8; 32],
+    /// 0.
+    pub reserved: [u32; 6],
+}
+
+impl BlockRecord {
+    /// First byte among those of all blocks.
+    pub fn first_byte(&self) -> u64 {
+        u64::from(self.offset[0]) | u64::from(self.offset[1]) << 32
+    }
+
+    /// Bytes of each array, in their order in the block.
+    fn part_bytes(&self, n_k: usize) -> [u64; 9] {
+        let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
+        [
+            bytes(self.n_clusters, size_of::<ClusterRecord>()),
+            bytes(self.n_cluster_probes, 4),
+            bytes(self.projection_pairs, 4),
+            bytes(self.reconstruction_pairs, 4),
+            bytes(self.n_tiles, size_of::<NearTile>()),
+            bytes(self.n_nodes, 4),
+            if self.n_tiles > 0 { self.n_receivers.into() } else { 0 },
+            self.n_links.into(),
+            bytes(self.n_links, n_k),
+        ]
+    }
+
+    /// Bytes of the block, with the zeros that fill it up.
+    pub fn byte_count(&self, n_k: usize) -> u64 {
+        self.part_bytes(n_k).iter().sum::<u64>().next_multiple_of(ALIGNMENT)
+    }
+}
+
+/// One cluster of receivers: how many of the block's entries are its own; they follow those of the clusters before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ClusterRecord {
+    /// Number of receivers, at least 1.
+    pub n_receivers: u32,
+    /// Number of supporting probes; their ids rise.
+    pub n_probes: u32,
+    /// Sky columns after the probe columns: 0, or `(sky_degree + 1)^2`.
+    pub n_sky: u32,
+    /// Number of kept singular values n_c; 0 for a cluster that sees nothing.
+    pub n_coefficients: u32,
+}
+
+/// Receivers that read near light together, at most [`NEAR_TILE`]: how many of the block's entries are the tile's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct NearTile {
+    /// Number of receivers, at least 1.
+    pub n_receivers: u32,
+    /// Number of nodes, at most [`NEAR_NODES`].
+    pub n_nodes: u32,
+    /// Number of links.
+    pub n_links: u32,
+    /// Weight of the code 127.
+    pub scale: f32,
+}
+
+/// One block, owned: what a leaf of the bake makes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TransportBlock {
+    /// `[n_clusters]`.
+    pub clusters: Vec<ClusterRecord>,
+    /// Supporting probes of all clusters, cluster by cluster.
+    pub cluster_probes: Vec<u32>,
+    /// `S V^T` of all clusters: rows of `n_probes * n_sh + n_sky` columns, row-major, each padded with a zero to pairs.
+    pub projection: Vec<f16>,
+    /// `U` of all clusters: `n_receivers * n_k` rows of `n_coefficients`, row-major, receiver by receiver; padded likewise.
+    pub reconstruction: Vec<f16>,
+    /// What its receivers read from the light map; empty if they read nothing.
+    pub near: NearArrays,
+}
+
+/// Near light of a block: texels of mip levels of the direct light map that receivers read beside their probes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NearArrays {
+    /// `[n_tiles]`.
+    pub tiles: Vec<NearTile>,
+    /// Nodes of all tiles: mip level in the upper 4 bits, `y * size of the level + x` below.
+    pub nodes: Vec<u32>,
+    /// `[n_receivers]` links of each; empty without tiles.
+    pub counts: Vec<u8>,
+    /// `[n_links]` node of each, by its place in the tile's.
+    pub links: Vec<u8>,
+    /// `[n_links][n_k]` codes of [`crate::quantize::near_weight`].
+    pub weights: Vec<i8>,
+}
+
+/// Node of a texel of a level, `y * size of the level + x`.
+pub fn node_at(level: u32, texel: u32) -> u32 {
+    (level << 28) | texel
+}
+
+/// Level of a node, and its texel there, `y * size of the level + x`.
+pub fn node_level_and_texel(node: u32) -> (u32, u32) {
+    (node >> 28, node & 0x0fff_ffff)
+}
+
+impl TransportBlock {
+    /// Appends a cluster: its counts, its probes, and its matrices without padding.
+    pub fn push(&mut self, cluster: ClusterRecord, probes: &[u32], projection: &[f16], reconstruction: &[f16]) {
+        self.clusters.push(cluster);
+        self.cluster_probes.extend_from_slice(probes);
+        for (all, own) in [(&mut self.projection, projection), (&mut self.reconstruction, reconstruction)] {
+            all.extend_from_slice(own);
+            all.extend((own.len() % 2 == 1).then_some(f16::ZERO));
+        }
+    }
+
+    /// Number of its receivers.
+    pub fn n_receivers(&self) -> usize {
+        self.clusters.iter().map(|cluster| cluster.n_receivers as usize).sum()
+    }
+}
+
+/// Blocks as they are stored, owned.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockArrays {
+    /// `[n_blocks]`.
+    pub records: Vec<BlockRecord>,
+    /// Bytes of all blocks, four to a word.
+    pub data: Vec<u32>,
+}
+
+impl BlockArrays {
+    /// A list of one block; `positions` are those of its receivers.
+    pub fn of_one(block: &TransportBlock, positions: &[[f32; 3]]) -> Self {
+        let mut blocks = Self::default();
+        blocks.push(block, positions);
+        blocks
+    }
+
+    /// Appends a block; `positions` are those of its receivers, in metres. Whether the arrays agree is checked when they are
+    /// written.
+    pub fn push(&mut self, block: &TransportBlock, positions: &[[f32; 3]]) {
+        let NearArrays { tiles, nodes, counts, links, weights } = &block.near;
+        let parts: [&[u8]; 9] = [
+            bytemuck::cast_slice(&block.clusters),
+            bytemuck::cast_slice(&block.cluster_probes),
+            bytemuck::cast_slice(&block.projection),
+            bytemuck::cast_slice(&block.reconstruction),
+            bytemuck::cast_slice(tiles),
+            bytemuck::cast_slice(nodes),
+            counts,
+            links,
+            bytemuck::cast_slice(weights),
+        ];
+        let mut bytes = parts.concat();
+        bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
+        let first = 4 * self.data.len() as u64;
+        self.records.push(BlockRecord {
+            n_receivers: positions.len() as u32,
+            n_clusters: block.clusters.len() as u32,
+            n_cluster_probes: block.cluster_probes.len() as u32,
+            n_lights: block.clusters.iter().fold(0, |sum: u32, cluster| sum.wrapping_add(cluster.n_coefficients)),
+            projection_pairs: (block.projection.len() / 2) as u32,
+            reconstruction_pairs: (block.reconstruction.len() / 2) as u32,
+            n_tiles: tiles.len() as u32,
+            n_nodes: nodes.len() as u32,
+            n_links: links.len() as u32,
+            checksum: crc32c::crc32c(&bytes),
+            offset: [first as u32, (first >> 32) as u32],
+            bounds: bounds_of(positions),
+            hash: *blake3::hash(&bytes).as_bytes(),
+            reserved: [0; 6],
+        });
+        self.data.extend(bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
+    }
+
+    /// The same, borrowed.
+    pub fn view(&self) -> Blocks<'_> {
+        Blocks { records: &self.records, data: &self.data }
+    }
+}
+
+/// Least box of some positions; of none, a point at the origin.
+pub(crate) fn bounds_of(positions: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let Some(&first) = positions.first() else { return Default::default() };
+    positions.iter().fold([first; 2], |[low, high], at| {
+        [
+            std::array::from_fn(|axis| if at[axis] < low[axis] { at[axis] } else { low[axis] }),
+            std::array::from_fn(|axis| if at[axis] > high[axis] { at[axis] } else { high[axis] }),
+        ]
+    })
+}
+
+/// Blocks as they are stored, borrowed: from [`BlockArrays`], or from a mapped file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blocks<'a> {
+    /// `[n_blocks]`.
+    pub records: &'a [BlockRecord],
+    /// Bytes of all blocks, four to a word.
+    pub data: &'a [u32],
+}
+
+impl<'a> Blocks<'a> {
+    /// Bytes of a block, with the zeros that fill it up; `None` if they do not lie within `data`.
+    pub fn bytes(&self, index: usize, n_k: usize) -> Option<&'a [u8]> {
+        let record = self.records.get(index)?;
+        let first = record.first_byte();
+        let end = first.checked_add(record.byte_count(n_k)).filter(|_| first.is_multiple_of(ALIGNMENT))?;
+        bytemuck::cast_slice::<u32, u8>(self.data).get(usize::try_from(first).ok()?..usize::try_from(end).ok()?)
+    }
+
+    /// The arrays of a block, and the bytes behind them; `None` if they do not lie within `data`.
+    pub(crate) fn parts(&self, index: usize, n_k: usize) -> Option<(BlockParts<'a>, &'a [u8])> {
+        let mut rest = self.bytes(index, n_k)?;
+        let mut next = self.records[index].part_bytes(n_k).into_iter();
+        let mut take = || {
+            let (part, behind) = rest.split_at(next.next().unwrap_or(0) as usize);
+            rest = behind;
+            part
+        };
+        // Words come first, so that all arrays are aligned.
+        let parts = BlockParts {
+            clusters: bytemuck::cast_slice(take()),
+            cluster_probes: bytemuck::cast_slice(take()),
+            projection: bytemuck::cast_slice(take()),
+            reconstruction: bytemuck::cast_slice(take()),
+            tiles: bytemuck::cast_slice(take()),
+            nodes: bytemuck::cast_slice(take()),
+            counts: take(),
+            links: take(),
+            weights: bytemuck::cast_slice(take()),
+        };
+        Some((parts, rest))
+    }
+
+    /// A block, owned, whether its numbers are sound or not; `None` if its arrays do not lie within `data`. `n_k` is the number of
+    /// outputs per receiver.
+    pub fn to_block(&self, index: usize, n_k: usize) -> Option<TransportBlock> {
+        let (parts, _) = self.parts(index, n_k)?;
+        Some(TransportBlock {
+            clusters: parts.clusters.to_vec(),
+            cluster_probes: parts.cluster_probes.to_vec(),
+            projection: parts.projection.to_vec(),
+            reconstruction: parts.reconstruction.to_vec(),
+            near: NearArrays {
+                tiles: parts.tiles.to_vec(),
+                nodes: parts.nodes.to_vec(),
+                counts: parts.counts.to_vec(),
+                links: parts.links.to_vec(),
+                weights: parts.weights.to_vec(),
+            },
+        })
+    }
+
+    /// Sum over all blocks of one of their counts.
+    pub fn total(&self, count: impl Fn(&BlockRecord) -> u32) -> u64 {
+        self.records.iter().map(|record| u64::from(count(record))).sum()
+    }
+
+    /// Bytes of records, matrices, lists and links, without what fills blocks up.
+    pub fn byte_count(&self, n_k: usize) -> u64 {
+        let record = size_of::<BlockRecord>() as u64;
+        self.records.iter().map(|block| record + block.part_bytes(n_k).iter().sum::<u64>()).sum()
+    }
+
+    /// Bytes of near light.
+    pub fn near_byte_count(&self, n_k: usize) -> u64 {
+        self.records.iter().map(|block| block.part_bytes(n_k)[4..].iter().sum::<u64>()).sum()
+    }
+}
+
+/// Arrays of a block where they lie.
+#[derive(Clone, Copy)]
+pub(crate) struct BlockParts<'a> {
+    pub(crate) clusters: &'a [ClusterRecord],
+    pub(crate) cluster_probes: &'a [u32],
+    pub(crate) projection: &'a [f16],
+    pub(crate) reconstruction: &'a [f16],
+    pub(crate) tiles: &'a [NearTile],
+    pub(crate) nodes: &'a [u32],
+    pub(crate) counts: &'a [u8],
+    pub(crate) links: &'a [u8],
+    pub(crate) weights: &'a [i8],
+}
+
+/// What blocks are checked against: counts of the file that they belong to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    pub(crate) n_probes: usize,
+    pub(crate) n_sh: usize,
+    pub(crate) n_sky: usize,
+    pub(crate) n_k: usize,
+    pub(crate) direct_size: u32,
+    /// Names the transport in messages: empty, or `volume `.
+    pub(crate) of: &'static str,
+}
