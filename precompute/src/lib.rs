@@ -29,6 +29,7 @@ pub mod figures;
 pub mod lightmap;
 mod morton;
 pub mod pipeline;
+pub mod probe_views;
 pub mod probes;
 pub mod relight_rays;
 pub mod report;

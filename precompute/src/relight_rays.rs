@@ -7,18 +7,15 @@
 
 use crate::{
     lightmap::{Atlas, ChartPyramid, as_stored},
-    rays::{FacePoint, RayCaster},
+    probe_views::ProbeDirections,
+    rays::{FacePoint, RayCaster, SurfaceHit},
+    report::RelightFacts,
 };
-use glam::Vec3;
 use half::f16;
 use localprt_formats::{
     LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL,
-    directions::spherical_fibonacci,
     quantize::{distance_to_f16, pack_uv},
-    sh,
 };
-use rayon::prelude::*;
-use std::f32::consts::PI;
 
 /// Relight rays of all probes, as stored in a baked file.
 #[derive(Clone, Debug, Default)]
@@ -34,117 +31,91 @@ pub struct RelightRays {
     /// `[n_probes][n_rays]` metres to what the ray meets, infinite where it leaves the scene.
     pub distance: Vec<f16>,
     /// What the rays met.
-    pub counts: RelightCounts,
+    pub counts: RelightFacts,
 }
 
-/// Relight rays by what they met.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RelightCounts {
-    /// A face with lightmap texels.
-    pub surface: u64,
-    /// Of those, rays whose place has no covered texel of the face's chart beside it and that read the nearest one.
-    pub moved: u64,
-    /// Nothing: they read the sky.
-    pub sky: u64,
-    /// The back of a one-sided surface.
-    pub black: u64,
-    /// A face that no texel near by belongs to: black.
-    pub unmapped: u64,
+/// Where relight rays look things up: the direct light map of a scene.
+pub struct LightMapLookups<'a> {
+    /// Of the scene.
+    pub caster: &'a RayCaster<'a>,
+    /// Layout of the direct light map.
+    pub atlas: &'a Atlas,
+    /// Its charts.
+    pub charts: &'a ChartPyramid,
 }
 
-/// Traces the relight rays of all probes. `charts` are those of the direct light map, laid out by `atlas`.
-pub fn trace(
-    caster: &RayCaster<'_>,
-    atlas: &Atlas,
-    charts: &ChartPyramid,
-    probes: &[Vec3],
-    n_rays: u32,
-    basis: &sh::Basis,
-) -> RelightRays {
-    let dirs: Vec<[f32; 3]> = (0..n_rays).map(|ray| spherical_fibonacci(ray, n_rays)).collect();
-    let mut table = vec![0.0; dirs.len() * basis.len()];
-    let steradians = 4.0 * PI / n_rays as f32;
-    for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
-        basis.evaluate(*dir, values);
-        for value in values {
-            *value *= steradians;
-        }
-    }
-    let probes: Vec<RelightRays> = probes
-        .par_iter()
-        .map(|&probe| {
-            let mut seen = RelightRays::default();
-            for dir in &dirs {
-                let dir = Vec3::from(*dir);
-                let hit = caster.closest_hit(probe, dir);
-                seen.distance.push(distance_to_f16(hit.as_ref().map_or(f32::INFINITY, |hit| hit.t)));
-                let (uv, level) = match hit {
+impl LightMapLookups<'_> {
+    /// Lookups of one probe: `hits` is what its rays meet.
+    pub fn of_probe(&self, directions: &ProbeDirections, hits: &[Option<SurfaceHit>]) -> RelightRays {
+        let mut rays = RelightRays::default();
+        for (&dir, hit) in directions.dirs.iter().zip(hits) {
+            rays.distance.push(distance_to_f16(hit.as_ref().map_or(f32::INFINITY, |hit| hit.t)));
+            let (uv, level) = match hit {
+                None => {
+                    rays.counts.sky += 1;
+                    (0, LEVEL_SKY)
+                }
+                Some(hit) => match hit.point {
                     None => {
-                        seen.counts.sky += 1;
-                        (0, LEVEL_SKY)
+                        rays.counts.black += 1;
+                        (0, LEVEL_BLACK)
                     }
-                    Some(hit) => match hit.point {
-                        None => {
-                            seen.counts.black += 1;
-                            (0, LEVEL_BLACK)
-                        }
-                        Some(point) => {
-                            let cosine = -hit.normal.dot(dir);
-                            let footprint_m2 = hit.t * hit.t * steradians / cosine.max(0.05);
-                            lookup(caster, atlas, charts, &point, footprint_m2, &mut seen.counts)
-                        }
-                    },
-                };
-                seen.uv.push(uv);
-                seen.level.push(level);
-            }
-            seen
-        })
-        .collect();
-    let mut rays = RelightRays {
-        dirs: dirs.iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect(),
-        sh: table,
-        ..RelightRays::default()
-    };
-    for seen in probes {
-        rays.uv.extend(seen.uv);
-        rays.level.extend(seen.level);
-        rays.distance.extend(seen.distance);
-        rays.counts.surface += seen.counts.surface;
-        rays.counts.moved += seen.counts.moved;
-        rays.counts.sky += seen.counts.sky;
-        rays.counts.black += seen.counts.black;
-        rays.counts.unmapped += seen.counts.unmapped;
+                    Some(point) => {
+                        let cosine = -hit.normal.dot(dir);
+                        let footprint_m2 = hit.t * hit.t * directions.steradians() / cosine.max(0.05);
+                        self.lookup(&point, footprint_m2, &mut rays.counts)
+                    }
+                },
+            };
+            rays.uv.push(uv);
+            rays.level.push(level);
+        }
+        rays
     }
-    rays
+
+    /// Stored position and level for a surface point.
+    fn lookup(&self, point: &FacePoint, footprint_m2: f32, counts: &mut RelightFacts) -> (u32, u8) {
+        let Self { caster, atlas, charts } = *self;
+        // As stored, so that the checks see what the lookup will.
+        let mut uv = as_stored(atlas.at(point));
+        let chart = atlas.chart[point.face.0 as usize];
+        if !charts.is_pure(uv, 0, chart) {
+            let Some(nearest) = charts.nearest(uv, chart) else {
+                counts.unmapped += 1;
+                return (0, LEVEL_BLACK);
+            };
+            counts.moved += 1;
+            uv = nearest;
+        }
+        counts.surface += 1;
+        let texel_m2 = charts.texel_m2(caster.scene(), atlas, point);
+        let wanted = (0.5 * (footprint_m2 / texel_m2).max(1.0).log2()).floor() as u32;
+        let mut level = wanted.min(u32::from(MAX_LEVEL)).min(charts.n_levels() - 1);
+        while level > 0 && !charts.is_pure(uv, level, chart) {
+            level -= 1;
+        }
+        (pack_uv(uv.to_array()), level as u8)
+    }
 }
 
-/// Stored position and level for a surface point.
-fn lookup(
-    caster: &RayCaster<'_>,
-    atlas: &Atlas,
-    charts: &ChartPyramid,
-    point: &FacePoint,
-    footprint_m2: f32,
-    counts: &mut RelightCounts,
-) -> (u32, u8) {
-    // As stored, so that the checks see what the lookup will.
-    let mut uv = as_stored(atlas.at(point));
-    let chart = atlas.chart[point.face.0 as usize];
-    if !charts.is_pure(uv, 0, chart) {
-        let Some(nearest) = charts.nearest(uv, chart) else {
-            counts.unmapped += 1;
-            return (0, LEVEL_BLACK);
+impl RelightRays {
+    /// Those of all probes, from those of each.
+    pub fn of_all(directions: ProbeDirections, of_probes: Vec<RelightRays>) -> Self {
+        let mut rays = Self {
+            dirs: directions.dirs.iter().map(|dir| dir.extend(0.0).to_array()).collect(),
+            sh: directions.sh,
+            ..Self::default()
         };
-        counts.moved += 1;
-        uv = nearest;
+        for of_probe in of_probes {
+            rays.uv.extend(of_probe.uv);
+            rays.level.extend(of_probe.level);
+            rays.distance.extend(of_probe.distance);
+            rays.counts.surface += of_probe.counts.surface;
+            rays.counts.moved += of_probe.counts.moved;
+            rays.counts.sky += of_probe.counts.sky;
+            rays.counts.black += of_probe.counts.black;
+            rays.counts.unmapped += of_probe.counts.unmapped;
+        }
+        rays
     }
-    counts.surface += 1;
-    let texel_m2 = charts.texel_m2(caster.scene(), atlas, point);
-    let wanted = (0.5 * (footprint_m2 / texel_m2).max(1.0).log2()).floor() as u32;
-    let mut level = wanted.min(u32::from(MAX_LEVEL)).min(charts.n_levels() - 1);
-    while level > 0 && !charts.is_pure(uv, level, chart) {
-        level -= 1;
-    }
-    (pack_uv(uv.to_array()), level as u8)
 }

@@ -5,7 +5,8 @@
 
 pub use localprt_tools::progress::StageTime;
 
-use crate::settings::BakeSettings;
+use crate::{progress::Progress, settings::BakeSettings};
+use localprt_formats::BakedView;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -310,20 +311,31 @@ pub struct RelightFacts {
     pub unmapped: u64,
 }
 
-impl RelightFacts {
-    /// The counts of a bake.
-    pub fn of(counts: &crate::relight_rays::RelightCounts) -> Self {
-        Self {
-            surface: counts.surface,
-            moved: counts.moved,
-            sky: counts.sky,
-            black: counts.black,
-            unmapped: counts.unmapped,
-        }
-    }
-}
-
 impl BakeReport {
+    /// Takes in the sizes of the arrays of a file.
+    pub fn count_bytes(&mut self, view: &BakedView<'_>) {
+        self.bytes = Bytes {
+            projection: 4 * view.blocks.total(|block| block.projection_pairs),
+            reconstruction: 4 * view.blocks.total(|block| block.reconstruction_pairs),
+            relight: (size_of_val(view.ray_dirs)
+                + size_of_val(view.ray_sh)
+                + size_of_val(view.ray_uv)
+                + size_of_val(view.ray_level)
+                + size_of_val(view.ray_distance)) as u64,
+            near_light: view.blocks.near_byte_count(view.metadata.n_k()),
+            file: 0,
+        };
+        self.volume = view.volume.map(|volume| VolumeFacts::of(&volume));
+    }
+
+    /// Takes in what the run took so far.
+    pub fn measure_run(&mut self, progress: &Progress) {
+        self.stages = progress.stages();
+        self.seconds = progress.seconds();
+        self.peak_rss_bytes = peak_rss_bytes().unwrap_or(0);
+        self.threads = rayon::current_num_threads() as u64;
+    }
+
     /// The report as `--report` writes it.
     pub fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();

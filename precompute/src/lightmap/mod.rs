@@ -62,7 +62,7 @@ pub struct ReceiverSet {
 }
 
 impl ReceiverSet {
-    /// Receivers that are points: in space, or of a surface.
+    /// Receivers that are points of surfaces.
     pub fn of_points(points: &[SurfacePoint]) -> Self {
         let mut set = Self { chart: vec![0; points.len()], ..Self::default() };
         for (index, point) in points.iter().enumerate() {

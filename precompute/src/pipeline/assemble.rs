@@ -1,14 +1,12 @@
 //! Blocks, probes, rays and receivers to the arrays of a file.
 
-use super::leaf::{LeafTransport, stored_members};
-use crate::{
-    lightmap::{LayoutReport, ReceiverSet},
-    probes::ProbeSet,
-    relight_rays::RelightRays,
-    settings::BakeSettings,
+use super::{
+    lay_out::LaidOut,
+    leaf::{LeafTransport, stored_members},
+    transported::Transported,
 };
+use crate::{probes::ProbeSet, relight_rays::RelightRays, settings::BakeSettings};
 use localprt_formats::{BakedArrays, BlockArrays, Metadata, Probe};
-use localprt_scenes::Scene;
 
 /// Blocks of all leaves as stored; `position` is by receiver.
 pub(super) fn stored_blocks(leaves: &[LeafTransport], position: impl Fn(u32) -> [f32; 3]) -> BlockArrays {
@@ -22,13 +20,11 @@ pub(super) fn stored_blocks(leaves: &[LeafTransport], position: impl Fn(u32) -> 
 
 /// Arrays of the file: receivers in the order of leaves and their clusters.
 pub(super) fn assemble(
-    scene: &Scene,
+    LaidOut { scene, layout, receivers }: &LaidOut,
     settings: &BakeSettings,
-    layout: &LayoutReport,
-    receivers: &ReceiverSet,
     probes: &ProbeSet,
     rays: RelightRays,
-    leaves: &[LeafTransport],
+    Transported { leaves, volume, .. }: Transported,
 ) -> BakedArrays {
     let mut arrays = BakedArrays {
         probes: probes
@@ -41,10 +37,11 @@ pub(super) fn assemble(
         ray_uv: rays.uv,
         ray_level: rays.level,
         ray_distance: rays.distance,
+        volume,
         ..BakedArrays::default()
     };
     let mut stored = vec![u32::MAX; receivers.len()];
-    for (place, &member) in stored_members(leaves).iter().enumerate() {
+    for (place, &member) in stored_members(&leaves).iter().enumerate() {
         let member = member as usize;
         stored[member] = place as u32;
         arrays.receiver_texel.push(receivers.texel[member]);
@@ -52,7 +49,7 @@ pub(super) fn assemble(
         arrays.receiver_normal.push(receivers.normal[member].to_array());
     }
     arrays.receiver_unseen = leaves.iter().flat_map(|leaf| leaf.unseen.iter().copied()).collect();
-    arrays.blocks = stored_blocks(leaves, |member| receivers.position[member as usize].to_array());
+    arrays.blocks = stored_blocks(&leaves, |member| receivers.position[member as usize].to_array());
     arrays.gutters = receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
     arrays.seams = receivers
         .seams

@@ -12,7 +12,7 @@ use crate::{
     rays::RayCaster,
     scale::{self, Focus, LocalScale, Seen},
     settings::{BakeSettings, Density},
-    voxels::VoxelGrid,
+    voxels::{self, VoxelGrid},
 };
 use glam::Vec3;
 use localprt_scenes::Scene;
@@ -31,19 +31,17 @@ const MOST_EXTRA: f64 = 8.0;
 
 /// What is known of the space around the surfaces.
 pub(super) struct Space {
+    /// Probe spacing, metres.
+    pub(super) rho: f32,
     pub(super) grid: VoxelGrid,
     pub(super) scale: LocalScale,
 }
 
 impl Space {
-    /// Measures the scale of a scene and rasterizes it; `rho` is the probe spacing in metres.
-    pub(super) fn of(
-        caster: &RayCaster<'_>,
-        rho: f32,
-        settings: &BakeSettings,
-        progress: &Progress,
-    ) -> Result<Self, BakeError> {
+    /// Measures the scale of a scene and rasterizes it.
+    pub(super) fn of(caster: &RayCaster<'_>, settings: &BakeSettings, progress: &Progress) -> Result<Self, BakeError> {
         let scene = caster.scene();
+        let rho = voxels::spacing(scene.bounds().unwrap_or_default(), settings);
         let mut scale = {
             let _stage = progress.stage("local scale", 0);
             local_scale(caster, settings)
@@ -58,7 +56,21 @@ impl Space {
             scale.look(scene, &seen);
         }
         progress.check()?;
-        Ok(Self { grid, scale })
+        Ok(Self { rho, grid, scale })
+    }
+
+    /// That of the scene as it is written, with its cut and split faces: baked again from there, it gets the same probes.
+    pub(super) fn of_laid_out(
+        self,
+        caster: &RayCaster<'_>,
+        layout: &LayoutReport,
+        settings: &BakeSettings,
+        progress: &Progress,
+    ) -> Result<Self, BakeError> {
+        match layout.kept || self.scale.is_uniform() {
+            true => Ok(self),
+            false => Self::of(caster, settings, progress),
+        }
     }
 }
 
@@ -92,12 +104,26 @@ pub(super) struct LaidOut {
     pub(super) receivers: ReceiverSet,
 }
 
+impl LaidOut {
+    /// Refuses a layout without receivers.
+    pub(super) fn checked(self) -> Result<Self, BakeError> {
+        if self.receivers.is_empty() {
+            return Err(BakeError::Scene {
+                what: "no texel of the lightmap is a receiver: every surface lies inside or behind geometry".into(),
+                place: None,
+                remedy: "check that front faces look into the space to light".into(),
+            });
+        }
+        Ok(self)
+    }
+}
+
 /// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
 /// with a face for each live side, and faces cut where they need very different densities or where other surfaces stand on them.
 pub(super) fn lay_out(
     scene: &Scene,
     caster: &RayCaster<'_>,
-    Space { grid, scale }: &Space,
+    Space { grid, scale, .. }: &Space,
     settings: &BakeSettings,
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {

@@ -32,7 +32,7 @@ pub(super) fn local_transport(
     stage: &str,
     progress: &Progress,
 ) -> Result<Vec<LeafTransport>, BakeError> {
-    let positions = &transport.receivers.position;
+    let positions = transport.receivers.positions();
     let stage = progress.stage(stage, positions.len() as u64);
     leaves(positions, leaf as usize)
         .par_iter()

@@ -2,13 +2,7 @@
 //! scene.
 
 use super::BakeOutput;
-use crate::{
-    error::BakeError,
-    inputs::relative_path,
-    output::OutputError,
-    progress::Progress,
-    report::{BakeReport, peak_rss_bytes},
-};
+use crate::{error::BakeError, inputs::relative_path, output::OutputError, progress::Progress, report::BakeReport};
 use localprt_formats::WriteError;
 use localprt_scenes::{ExportError, export_glb};
 use std::path::{Path, PathBuf};
@@ -60,9 +54,7 @@ impl BakeOutput {
         drop(stage);
         let mut report = self.report;
         report.bytes.file = std::fs::metadata(output).map_or(0, |data| data.len());
-        report.stages = progress.stages();
-        report.seconds = progress.seconds();
-        report.peak_rss_bytes = peak_rss_bytes().unwrap_or(0);
+        report.measure_run(progress);
         Ok(Written { scene, is_scene_new: kept.is_none(), report })
     }
 }

@@ -1,9 +1,9 @@
 //! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
+use super::receivers::Sites;
 use crate::{morton, rays::frame};
 use glam::Vec3;
 use localprt_formats::{directions, sh};
-use localprt_scenes::SurfacePoint;
 use std::f32::consts::PI;
 
 /// One in so many rays is looked up in all supporting probes (Eq. 4). Of the others a fitted row needs to know only what they meet,
@@ -94,11 +94,6 @@ impl GatherSet {
         Self { directions, looked_up, to_sky, domain, receiver_degree }
     }
 
-    /// Which directions these are.
-    pub fn domain(&self) -> Domain {
-        self.domain
-    }
-
     /// Directions, about +Z or in world axes.
     pub fn directions(&self) -> &[Vec3] {
         &self.directions
@@ -106,7 +101,7 @@ impl GatherSet {
 
     /// Rays of a receiver from its sites, each of which sends the same share of them into all parts of its hemisphere. Those below
     /// the horizon of the geometric normal are left out.
-    pub fn rays(&self, sites: &[SurfacePoint], offset_m: f32) -> impl Iterator<Item = GatherRay> {
+    pub fn rays(&self, sites: Sites<'_>, offset_m: f32) -> impl Iterator<Item = GatherRay> {
         // Of both kinds of rays, which follow each other along a curve over the directions, the sites take turns.
         let mut count = [0; 2];
         let numbered = self.directions.iter().zip(&self.looked_up).map(move |(&local, &looked_up)| {
@@ -118,37 +113,35 @@ impl GatherSet {
     }
 
     /// The same of the rays that look for the sky, of which there are [`SKY_TIMES`] as many.
-    pub(super) fn rays_to_sky(&self, sites: &[SurfacePoint], offset_m: f32) -> impl Iterator<Item = GatherRay> {
+    pub(super) fn rays_to_sky(&self, sites: Sites<'_>, offset_m: f32) -> impl Iterator<Item = GatherRay> {
         self.starting_at(sites, offset_m, self.to_sky.iter().enumerate().map(|(number, &local)| (number, local, false)))
     }
 
     /// Rays of local directions, each with the number of its turn, and whether it is looked up in all probes.
     fn starting_at(
         &self,
-        sites: &[SurfacePoint],
+        sites: Sites<'_>,
         offset_m: f32,
         numbered: impl Iterator<Item = (usize, Vec3, bool)>,
     ) -> impl Iterator<Item = GatherRay> {
-        let domain = self.domain;
-        let stands: Vec<_> = sites
-            .iter()
-            .map(|site| {
-                let axis = match self.domain {
-                    // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
-                    // surface can see; the frame of +Z are the world axes.
-                    Domain::Cosine => site.normal,
-                    Domain::Hemisphere => site.geometric_normal,
-                    Domain::Sphere => Vec3::Z,
+        let stands: Vec<_> = (0..sites.len())
+            .map(|turn| {
+                let start = sites.start(turn, offset_m);
+                // Irradiance is measured about the shading normal; the radiance field is projected over the hemisphere that the
+                // surface can see; the frame of +Z are the world axes.
+                let axis = match (self.domain, start.normals) {
+                    (Domain::Cosine, Some([shading, _])) => shading,
+                    (Domain::Hemisphere, Some([_, geometric])) => geometric,
+                    _ => Vec3::Z,
                 };
-                (*site, site.position + site.geometric_normal * offset_m, axis, frame(axis))
+                (start, axis, frame(axis))
             })
             .collect();
         numbered.filter_map(move |(number, local, looked_up)| {
-            let (site, origin, axis, (tangent, bitangent)) = stands[number % stands.len()];
+            let (start, axis, (tangent, bitangent)) = stands[number % stands.len()];
             let dir = tangent * local.x + bitangent * local.y + axis * local.z;
-            // In the open there is no horizon.
-            let is_above = domain == Domain::Sphere || dir.dot(site.geometric_normal) > 0.0;
-            is_above.then_some(GatherRay { origin, dir, cosine: dir.dot(site.normal), looked_up })
+            let ray = GatherRay { origin: start.origin, dir, cosine: start.cosine(dir), looked_up };
+            start.is_above(dir).then_some(ray)
         })
     }
 

@@ -1,7 +1,7 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{
-    Domain, GatherRay, RayCounts, TransportScene,
+    GatherRay, RayCounts, TransportScene,
     found::{Found, OutputSums},
     gather::SKY_TIMES,
     near::{NearHit, Node},
@@ -13,7 +13,6 @@ use localprt_formats::{
     sh::{self, Directions, LANES},
     weight::weight_kernel,
 };
-use localprt_scenes::SurfacePoint;
 
 /// Below this sum of weights a point counts as seen by no probe: only a guard of the division in Eq. (4).
 const LEAST_WEIGHT: f32 = 1e-6;
@@ -106,7 +105,7 @@ pub(super) fn receiver_rows(
     let caster = scene.caster;
     let gather = scene.gather;
     let n_k = gather.n_outputs();
-    let position = scene.receivers.position[receiver];
+    let position = scene.receivers.positions()[receiver];
     let sites = scene.receivers.sites(receiver);
     let receiver_basis = sh::Basis::new(gather.receiver_degree());
 
@@ -166,16 +165,15 @@ pub(super) fn receiver_rows(
     if let Some(fit) = scene.fit {
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
         for (index, &sample) in fit.emitter_samples().iter().enumerate() {
-            let SurfacePoint { position, normal, geometric_normal } = sites[index % sites.len()];
-            let origin = position + geometric_normal * caster.offset_m();
-            let dir = (sample.1 - origin).normalize_or_zero();
-            let cosine = dir.dot(normal);
+            let start = sites.start(index, caster.offset_m());
+            let dir = (sample.1 - start.origin).normalize_or_zero();
+            let cosine = start.cosine(dir);
             let density = gather.density(cosine);
-            if density <= 0.0 || gather.domain() != Domain::Sphere && dir.dot(geometric_normal) <= 0.0 {
+            if density <= 0.0 || !start.is_above(dir) {
                 continue;
             }
             rays.gather += 1;
-            let Some((hit, brings)) = fit.meet_emitter(caster, origin, dir, sample, density) else { continue };
+            let Some((hit, brings)) = fit.meet_emitter(caster, start.origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
             workspace.rays.push(Ray {
                 dir,

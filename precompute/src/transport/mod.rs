@@ -12,18 +12,19 @@ mod gather;
 mod kernel;
 mod near;
 mod openings;
+mod receivers;
 #[cfg(test)]
 mod tests;
 
-pub use fit::{FitScene, LeafFit};
+pub use fit::{FitPrior, FitScene, LeafFit};
 pub use gather::{Domain, GatherRay, GatherSet};
 pub use kernel::Links;
 use kernel::LookUps;
 pub use near::{NearField, Node};
 use openings::Openings;
+pub use receivers::{Receivers, Sites};
 
 use crate::{
-    lightmap::ReceiverSet,
     probes::{ProbeSet, Support},
     rays::RayCaster,
 };
@@ -34,8 +35,8 @@ use localprt_formats::{sh, weight::weight_kernel};
 pub struct TransportScene<'a> {
     /// Ray queries.
     pub caster: &'a RayCaster<'a>,
-    /// All receivers; for a gather set over the sphere, with positions alone.
-    pub receivers: &'a ReceiverSet,
+    /// All receivers; points in the open go with a gather set over the sphere.
+    pub receivers: Receivers<'a>,
     /// All probes.
     pub probes: &'a ProbeSet,
     /// Supporting probes of each receiver.
@@ -128,7 +129,7 @@ impl TransportScene<'_> {
         probes.sort_unstable();
         probes.dedup();
         let fit = self.fit.map(|fit| {
-            let place = |&member: &u32| self.receivers.position[member as usize];
+            let place = |&member: &u32| self.receivers.positions()[member as usize];
             let bounds = members
                 .iter()
                 .map(place)

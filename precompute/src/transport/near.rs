@@ -119,7 +119,7 @@ impl NearField {
     /// The same with only as many nodes as fit `bytes` a receiver on average: those of most gain. The least gain is found
     /// on a sample of the receivers of `scene`.
     pub fn within(self, bytes: f32, scene: &TransportScene<'_>) -> Self {
-        let n_receivers = scene.receivers.len();
+        let n_receivers = scene.receivers.positions().len();
         let count = (n_receivers / SAMPLED_ONE_IN).clamp(LEAST_SAMPLE, SAMPLE).min(n_receivers);
         let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
         let of_receiver = |index: usize| {

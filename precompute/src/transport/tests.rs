@@ -1,6 +1,7 @@
 //! Closed forms of transport rows.
 
 use super::*;
+use crate::lightmap::ReceiverSet;
 use crate::lightmap::{Atlas, texels};
 use glam::{Vec2, Vec3};
 use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
@@ -101,7 +102,7 @@ impl Setup {
             fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
         let transport = TransportScene {
             caster: &caster,
-            receivers: &self.receivers,
+            receivers: Receivers::Surface(&self.receivers),
             probes: &self.probes,
             support: &self.support,
             gather,

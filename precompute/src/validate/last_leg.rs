@@ -32,7 +32,7 @@ use super::{lit::Lit, subject::Subject};
 use crate::{
     progress::{Cancelled, Progress},
     rays::SurfaceHit,
-    transport::{GatherRay, GatherSet, TransportLeaf, TransportScene},
+    transport::{GatherRay, GatherSet, Sites, TransportLeaf, TransportScene},
 };
 use glam::{DVec3, Vec3};
 use localprt_formats::{
@@ -232,7 +232,9 @@ impl<'a> Leg<'a> {
     /// Calls `visit(direction, weight of an irradiance sum, hit)` for the rays of a cosine-weighted set above the horizon.
     fn for_each_ray(&self, receiver: u32, rays: &GatherSet, mut visit: impl FnMut(Vec3, f32, Option<&SurfaceHit>)) {
         let caster = self.subject.caster;
-        for GatherRay { origin, dir, cosine, .. } in rays.rays(self.subject.sites(receiver), caster.offset_m()) {
+        for GatherRay { origin, dir, cosine, .. } in
+            rays.rays(Sites::Surface(self.subject.sites(receiver)), caster.offset_m())
+        {
             visit(dir, irradiance_weight(rays, cosine), caster.closest_hit(origin, dir).as_ref());
         }
     }

@@ -22,7 +22,7 @@ use super::{
 use crate::{
     progress::{Cancelled, Progress},
     rays::OccluderHint,
-    transport::{GatherRay, TransportLeaf},
+    transport::{GatherRay, Sites, TransportLeaf},
 };
 use glam::Vec3;
 use localprt_formats::{
@@ -124,7 +124,7 @@ fn at(
 
     // The cosine over the directions in which there is a surface.
     let mut is_enclosed = sites.iter().all(|site| site.normal == point.geometric_normal);
-    for GatherRay { origin, dir, cosine, .. } in transport.gather.rays(sites, caster.offset_m()) {
+    for GatherRay { origin, dir, cosine, .. } in transport.gather.rays(Sites::Surface(sites), caster.offset_m()) {
         if caster.closest_hit(origin, dir).is_none_or(|hit| hit.point.is_none()) {
             is_enclosed = false;
             continue;

@@ -12,7 +12,7 @@ use crate::{
     progress::{Cancelled, Progress},
     rays::RayCaster,
     settings::{BakeSettings, Transport},
-    transport::{FitScene, GatherSet, NearField, TransportScene},
+    transport::{FitScene, GatherSet, NearField, Receivers, TransportScene},
 };
 use glam::{Vec2, Vec3};
 use localprt_formats::{BakedView, Checked, sh};
@@ -163,7 +163,7 @@ impl<'a> Subject<'a> {
     pub fn transport(&self) -> TransportScene<'_> {
         TransportScene {
             caster: self.caster,
-            receivers: &self.placed,
+            receivers: Receivers::Surface(&self.placed),
             probes: &self.probes,
             support: &self.support,
             gather: &self.gather,

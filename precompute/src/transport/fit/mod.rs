@@ -45,16 +45,16 @@ use super::{
 use crate::{
     emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
+    probe_views::ProbeDirections,
     probes::ProbeSet,
     rays::{FacePoint, RayCaster, SurfaceHit},
 };
 use field::Modes;
 use glam::Vec3;
-use localprt_formats::{directions::spherical_fibonacci, sh};
+use localprt_formats::sh;
 use localprt_scenes::{FaceId, Lighting, SurfaceShading};
 use openness::Openness;
 use patches::{Cut, Patches};
-use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Edge of the finest patches, as a share of the probe spacing.
@@ -100,9 +100,16 @@ pub struct FitScene {
     emitter_samples: Vec<(FaceId, Vec3)>,
 }
 
+/// What is known of the light on surfaces before any of it is seen.
+pub struct FitPrior {
+    /// Median distance from a probe to the nearest other, metres.
+    spacing_m: f32,
+    openness: Openness,
+}
+
 /// A surface point that a relight ray meets.
 #[derive(Clone, Copy, Debug)]
-struct SeenPoint {
+pub struct SeenPoint {
     ray: u32,
     position: Vec3,
     normal: Vec3,
@@ -142,8 +149,43 @@ pub(super) struct Correction {
     pub is_made: bool,
 }
 
+impl FitPrior {
+    /// Measures the openness of all receivers.
+    pub fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, probes: &ProbeSet) -> Self {
+        let spacing_m = spacing(probes);
+        Self { spacing_m, openness: Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m) }
+    }
+
+    /// What a probe sees, of what its rays meet.
+    pub fn seen(&self, caster: &RayCaster<'_>, hits: &[Option<SurfaceHit>]) -> Vec<SeenPoint> {
+        let point = |(ray, hit): (usize, &Option<SurfaceHit>)| {
+            let hit = hit.as_ref()?;
+            let surface = self.openness.surface(caster, &hit.point?);
+            Some(SeenPoint { ray: ray as u32, position: hit.position, normal: hit.normal, surface })
+        };
+        hits.iter().enumerate().filter_map(point).collect()
+    }
+}
+
 impl FitScene {
-    /// Traces the relight rays of all probes and the openness of all receivers.
+    /// `views` is what each probe sees.
+    pub fn of(
+        caster: &RayCaster<'_>,
+        FitPrior { spacing_m, openness }: FitPrior,
+        directions: &ProbeDirections,
+        views: Vec<Vec<SeenPoint>>,
+    ) -> Self {
+        let usual_scale = usual_scale(&views);
+        let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
+        let emitter_samples = if emitters.is_empty() {
+            Vec::new()
+        } else {
+            (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
+        };
+        Self { spacing_m, usual_scale, table: directions.sh.clone(), views, openness, emitters, emitter_samples }
+    }
+
+    /// The same, with probe views of its own: so many rays of each probe.
     pub fn new(
         caster: &RayCaster<'_>,
         atlas: &Atlas,
@@ -152,31 +194,10 @@ impl FitScene {
         n_rays: u32,
         basis: &sh::Basis,
     ) -> Self {
-        let spacing_m = spacing(probes);
-        let openness = Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m);
-        let dirs: Vec<Vec3> = (0..n_rays).map(|ray| Vec3::from(spherical_fibonacci(ray, n_rays))).collect();
-        let mut table = vec![0.0; dirs.len() * basis.len()];
-        for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
-            basis.evaluate(dir.to_array(), values);
-            values.iter_mut().for_each(|value| *value *= 4.0 * PI / n_rays as f32);
-        }
-        let see = |&probe: &Vec3| {
-            let look = |(ray, &dir): (usize, &Vec3)| {
-                let hit = caster.closest_hit(probe, dir)?;
-                let surface = openness.surface(caster, &hit.point?);
-                Some(SeenPoint { ray: ray as u32, position: hit.position, normal: hit.normal, surface })
-            };
-            dirs.iter().enumerate().filter_map(look).collect()
-        };
-        let views: Vec<Vec<SeenPoint>> = probes.positions.par_iter().map(see).collect();
-        let usual_scale = usual_scale(&views);
-        let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
-        let emitter_samples = if emitters.is_empty() {
-            Vec::new()
-        } else {
-            (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
-        };
-        Self { spacing_m, usual_scale, table, views, openness, emitters, emitter_samples }
+        let prior = FitPrior::of(caster, atlas, receivers, probes);
+        let directions = ProbeDirections::new(n_rays, basis);
+        let views = directions.views(caster, &probes.positions, |hits| prior.seen(caster, hits));
+        Self::of(caster, prior, &directions, views)
     }
 
     /// Points at which receivers look for what emits; none where nothing does.

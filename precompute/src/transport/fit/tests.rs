@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::transport::{
-    GatherSet, TransportRows, TransportScene,
+    GatherSet, Receivers, TransportRows, TransportScene,
     kernel::{LookUps, Workspace, receiver_rows},
     tests::{Setup, room, some_probes, some_receivers},
 };
@@ -367,10 +367,11 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
         setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
             let rows = transport.rows(&transport.leaf(members), members);
             let n_sh = 16;
+            let Receivers::Surface(receivers) = transport.receivers else { panic!("receivers of a surface") };
             let fit = FitScene::new(
                 transport.caster,
                 &Atlas::default(),
-                transport.receivers,
+                receivers,
                 transport.probes,
                 2000,
                 transport.probe_basis,
