@@ -2,10 +2,10 @@
 
 mod bake_flags;
 
-pub use bake_flags::{BakeFlags, PresetName};
+pub use bake_flags::BakeFlags;
 
-use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use localprt_precompute::settings::BakeSettings;
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use localprt_precompute::settings::Preset;
 use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
@@ -111,8 +111,8 @@ pub struct Bake {
     #[arg(long, value_name = "FILE.toml")]
     pub config: Option<PathBuf>,
     /// Options to start from: --config and flags overrule them
-    #[arg(long, value_enum, default_value_t)]
-    pub preset: PresetName,
+    #[arg(long, value_parser = bake_flags::preset(), default_value = Preset::Production.name())]
+    pub preset: Preset,
     /// Print the options in force as TOML for --config, and stop
     #[arg(long)]
     pub print_config: bool,
@@ -319,10 +319,7 @@ impl Cli {
     /// # Errors
     /// [`Refused`]: help and version as well as mistakes.
     pub fn read() -> Result<Self, Refused> {
-        let defaults = toml::Table::try_from(BakeSettings::default()).unwrap_or_default();
-        let command = Self::command().mut_subcommand("bake", |bake| bake_flags::with_defaults(bake, &defaults));
-        let matches = command.try_get_matches().map_err(Refused)?;
-        Self::from_arg_matches(&matches).map_err(Refused)
+        Self::try_parse().map_err(Refused)
     }
 }
 
@@ -361,6 +358,7 @@ fn parse_sweep(text: &str) -> Result<(String, Vec<String>), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {

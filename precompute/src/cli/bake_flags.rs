@@ -1,299 +1,117 @@
-//! One flag per option of a bake.
+//! One flag per option of a bake, made from the table of options.
 
-use clap::{Args, ValueEnum};
-use localprt_precompute::settings::{Density, FILL_IS_GONE, Preset, Transport, UnwrapBackend};
-use serde::Serialize;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
+use localprt_precompute::settings::{BakeOption, FILL_IS_GONE, OPTIONS, Preset, Values, Word};
 use toml::{Table, Value};
 
-/// Options of a bake as given on the command line; field names are the keys of a configuration file.
-#[derive(Debug, Default, Args, Serialize)]
+/// Options of a bake as given on the command line.
+#[derive(Debug)]
 pub struct BakeFlags {
-    /// Probe spacing in metres [default: from the scene box, for about 150 probes]
-    #[arg(long, value_name = "M", help_heading = "Probes", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    spacing: Option<f32>,
-    /// Number of probes [default: from the spacing]
-    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    probes: Option<u32>,
-    /// Voxel size in metres [default: spacing / 6, capped by memory]
-    #[arg(long, value_name = "M", help_heading = "Probes", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    voxel: Option<f32>,
-    /// A point in the space to light, metres; may be given several times [default: found by rays]
-    #[arg(long, value_name = "X,Y,Z", help_heading = "Probes", value_parser = point, allow_hyphen_values = true)]
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    interior: Vec<[f32; 3]>,
-    /// Distance of the probes from surfaces as a share of their spacing; 0 is in the voxels beside surfaces
-    #[arg(long, value_name = "SHARE", help_heading = "Probes", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    standoff: Option<f32>,
-    /// Mean number of probes that support a receiver
-    #[arg(long, value_name = "N", help_heading = "Probes", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    overlap: Option<f32>,
-    /// Least number of probes that support a receiver
-    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    min_overlap: Option<u32>,
-    /// Probes that may be added where coverage is poor, as a share of their number
-    #[arg(long, value_name = "SHARE", help_heading = "Probes", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    repair: Option<f32>,
-    /// SH degree of the probes: l means (l+1)^2 functions
-    #[arg(long, value_name = "L", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    probe_degree: Option<u32>,
-    /// Relight rays per probe
-    #[arg(long, value_name = "N", help_heading = "Probes", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    relight_rays: Option<u32>,
-
-    /// Receivers to spend: more cost time and bytes
-    #[arg(long, value_name = "N", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    receivers: Option<u32>,
-    /// How receivers and probes are spread: by the scale of what is around them, or evenly
-    #[arg(long, value_enum, help_heading = "Receivers")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    density: Option<DensityName>,
-    /// A ball in which texels are finer and probes closer, metres; may be given several times
-    #[arg(long, value_name = "X,Y,Z,RADIUS", help_heading = "Receivers", value_parser = ball, allow_hyphen_values = true)]
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    focus: Vec<[f32; 4]>,
-    /// Receiver map: texels per side [default: as few as hold the receivers]
-    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lightmap: Option<u32>,
-    /// Gone: see --receivers
-    #[arg(long, value_name = "SHARE", hide = true, value_parser = gone, allow_negative_numbers = true)]
-    #[serde(skip)]
-    fill: Option<f32>,
-    /// Edge of the finest texel of the receiver map in metres [default: what the scene's detail asks for]
-    #[arg(long, value_name = "M", help_heading = "Receivers", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    texel: Option<f32>,
-    /// Direct light map: texels per side
-    #[arg(long, value_name = "TEXELS", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    direct_map: Option<u32>,
-    /// SH degree of the receivers: 0 irradiance, 1 for normal maps
-    #[arg(long, value_name = "L", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    receiver_degree: Option<u32>,
-    /// SH degree of the sky
-    #[arg(long, value_name = "L", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sky_degree: Option<u32>,
-    /// Gather rays per receiver
-    #[arg(long, value_name = "N", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    gather_rays: Option<u32>,
-    /// How transport rows are made
-    #[arg(long, value_enum, help_heading = "Receivers")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    transport: Option<TransportName>,
-    /// Bytes a receiver, on average, for near light that it reads from the light map itself; 0: none
-    #[arg(long, value_name = "BYTES", help_heading = "Receivers", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    near_bytes: Option<u32>,
-    /// Who makes lightmap coordinates where the scene has no usable TEXCOORD_1
-    #[arg(long, value_enum, help_heading = "Receivers")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    unwrap: Option<UnwrapName>,
-
-    /// Light for objects that move: spacing in metres of a grid over the scene box [default: none]
-    #[arg(long, value_name = "M", help_heading = "Volume", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    volume: Option<f32>,
-    /// SH degree of the light in that grid: 1 or 2
-    #[arg(long, value_name = "L", help_heading = "Volume", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    volume_degree: Option<u32>,
-
-    /// A leaf holds fewer receivers than this
-    #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    leaf: Option<u32>,
-    /// Largest RMS error of a transport row; of fitted rows, of what it does to irradiance in the light that the fit expects
-    #[arg(long, value_name = "RMS", help_heading = "Compression", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    threshold: Option<f32>,
-    /// Most coefficients of a cluster
-    #[arg(long, value_name = "N", help_heading = "Compression", value_parser = whole, allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    coefficients: Option<u32>,
-
-    /// Seed of all random numbers
-    #[arg(long, value_name = "N", help_heading = "Reproduction and quality", allow_negative_numbers = true,
-          value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    seed: Option<u64>,
-    /// Fail with exit code 7 if the mean unseen share of the receivers exceeds this [default: no limit]
-    #[arg(long, value_name = "SHARE", help_heading = "Reproduction and quality", allow_negative_numbers = true)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    max_unseen: Option<f32>,
+    /// Those that were given, by the keys of a configuration file.
+    pub given: Table,
 }
 
-impl BakeFlags {
-    /// The given ones by key.
-    pub fn to_table(&self) -> Table {
-        Table::try_from(self).unwrap_or_default()
+impl Args for BakeFlags {
+    fn augment_args(command: Command) -> Command {
+        let fill = Arg::new("fill").long("fill").value_name("SHARE").hide(true);
+        command.args(in_help_order().into_iter().map(flag)).arg(fill.value_parser(gone).allow_negative_numbers(true))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
     }
 }
 
-/// `--preset`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PresetName {
-    /// A tenth of the cost, for a first look
-    Preview,
-    /// A quarter of the cost
-    Medium,
-    /// The defaults
-    #[default]
-    Production,
-}
+impl FromArgMatches for BakeFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut flags = Self { given: Table::new() };
+        flags.update_from_arg_matches(matches)?;
+        Ok(flags)
+    }
 
-impl From<PresetName> for Preset {
-    fn from(name: PresetName) -> Self {
-        match name {
-            PresetName::Preview => Self::Preview,
-            PresetName::Medium => Self::Medium,
-            PresetName::Production => Self::Production,
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        for option in OPTIONS {
+            let value = match option.values {
+                Values::Many(_) => matches.get_many(option.key).map(|values| Value::Array(values.cloned().collect())),
+                Values::One(_) | Values::Words(_) => matches.get_one(option.key).cloned(),
+            };
+            self.given.extend(value.map(|value| (option.key.to_owned(), value)));
         }
+        Ok(())
     }
 }
 
-/// `--density`
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum DensityName {
-    /// Many where surfaces are near each other, few in the open
-    Scale,
-    /// As the paper's scenes have them
-    Uniform,
+/// What `--preset` takes.
+pub fn preset() -> impl TypedValueParser<Value = Preset> {
+    one_of(Preset::WORDS).try_map(|name| Value::String(name).try_into::<Preset>())
 }
 
-impl Serialize for DensityName {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Scale => Density::Scale,
-            Self::Uniform => Density::Uniform,
-        }
-        .serialize(serializer)
+fn in_help_order() -> Vec<&'static BakeOption> {
+    let place = |key: &str| OPTIONS.iter().position(|option| option.key == key);
+    let mut options: Vec<&BakeOption> = OPTIONS.iter().collect();
+    options.sort_by_key(|option| (place(option.after.unwrap_or(option.key)), option.after.is_some()));
+    options
+}
+
+fn flag(option: &BakeOption) -> Arg {
+    let flag = Arg::new(option.key).long(option.flag()).value_name(option.value_name);
+    let flag = flag.help(option.help()).help_heading(option.heading);
+    match option.values {
+        Values::One(read) => flag.value_parser(read).allow_negative_numbers(true),
+        Values::Many(read) => flag.value_parser(read).action(ArgAction::Append).allow_hyphen_values(true),
+        Values::Words(words) => flag.value_parser(one_of(words).map(Value::String)),
     }
 }
 
-/// `--transport`
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum TransportName {
-    /// Probes that see a point are blended by distance
-    Paper,
-    /// Fitted to smooth light on the surfaces around: rows of the same shape with less error, a longer bake
-    Fitted,
+fn one_of(words: &[Word]) -> PossibleValuesParser {
+    words.iter().map(|&(name, help)| PossibleValue::new(name).help(help)).collect::<Vec<_>>().into()
 }
 
-impl Serialize for TransportName {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Paper => Transport::Paper,
-            Self::Fitted => Transport::Fitted,
-        }
-        .serialize(serializer)
-    }
-}
-
-/// `--unwrap`
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum UnwrapName {
-    /// Pure Rust, same result everywhere
-    Uvunwrap,
-    /// In a process of its own; if this build has it
-    Xatlas,
-}
-
-impl Serialize for UnwrapName {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Uvunwrap => UnwrapBackend::Uvunwrap,
-            Self::Xatlas => UnwrapBackend::Xatlas,
-        }
-        .serialize(serializer)
-    }
-}
-
-/// Shows the default of every flag that has one, as the settings have it.
-pub fn with_defaults(command: clap::Command, defaults: &Table) -> clap::Command {
-    command.mut_args(|flag| {
-        let Some(value) = defaults.get(flag.get_id().as_str()) else { return flag };
-        let value = match value {
-            Value::String(text) => text.clone(),
-            // Settings are f32: no more digits than those.
-            Value::Float(wide) => (*wide as f32).to_string(),
-            value => value.to_string(),
-        };
-        let help = flag.get_help().map(ToString::to_string).unwrap_or_default();
-        flag.help(format!("{help} [default: {value}]"))
-    })
-}
-
-fn whole(text: &str) -> Result<u32, String> {
-    text.parse().map_err(|_| "expected a whole number, such as 512".into())
-}
-
-/// Exactly `N` numbers with commas between them.
-fn numbers<const N: usize>(text: &str) -> Option<[f32; N]> {
-    let numbers: Vec<f32> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
-    <[f32; N]>::try_from(numbers).ok().filter(|_| text.split(',').count() == N)
-}
-
-fn point(text: &str) -> Result<[f32; 3], String> {
-    numbers(text).ok_or_else(|| "expected three numbers in metres, such as 0,1.5,-2".into())
-}
-
-fn ball(text: &str) -> Result<[f32; 4], String> {
-    numbers(text).ok_or_else(|| "expected a place and a radius in metres, such as 0,1.5,-2,3".into())
-}
-
-fn gone(_: &str) -> Result<f32, String> {
+fn gone(_: &str) -> Result<Value, String> {
     Err(FILL_IS_GONE.replace('`', "").replace("receivers;", "--receivers;"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::FromArgMatches;
-    use localprt_precompute::settings::BakeSettings;
+    use localprt_precompute::settings::{BakeSettings, UnwrapBackend};
 
     fn read(words: &[&str]) -> Table {
-        let command = BakeFlags::augment_args(clap::Command::new("bake").no_binary_name(true));
+        let command = BakeFlags::augment_args(Command::new("bake").no_binary_name(true));
         let matches = command.try_get_matches_from(words).expect("valid flags");
-        BakeFlags::from_arg_matches(&matches).expect("valid flags").to_table()
+        BakeFlags::from_arg_matches(&matches).expect("valid flags").given
     }
 
     #[test]
-    fn every_option_has_a_flag_of_its_name() {
-        let command = BakeFlags::augment_args(clap::Command::new("bake"));
-        let options = serde_json::to_value(BakeSettings {
-            spacing: Some(1.0),
-            probes: Some(1),
-            voxel: Some(1.0),
-            interior: vec![[0.0; 3]],
-            focus: vec![[1.0; 4]],
-            lightmap: Some(64),
-            texel: Some(1.0),
-            volume: Some(1.0),
-            max_unseen: Some(1.0),
-            ..BakeSettings::default()
-        });
-        let options = options.expect("plain data");
-        let mut keys: Vec<&str> = options.as_object().expect("a struct").keys().map(String::as_str).collect();
+    fn every_option_has_a_flag_and_a_key_of_its_name() {
+        let command = BakeFlags::augment_args(Command::new("bake"));
         let shown = command.get_arguments().filter(|flag| !flag.is_hide_set());
-        let mut flags: Vec<&str> = shown.map(|flag| flag.get_id().as_str()).collect();
-        keys.sort_unstable();
-        flags.sort_unstable();
-        assert_eq!(flags, keys);
-        for flag in command.get_arguments() {
-            assert_eq!(flag.get_long(), Some(flag.get_id().as_str().replace('_', "-").as_str()));
+        let flags: Vec<(&str, String)> =
+            shown.map(|flag| (flag.get_id().as_str(), flag.get_long().unwrap_or_default().to_owned())).collect();
+        assert_eq!(flags.len(), OPTIONS.len());
+        for option in OPTIONS {
+            assert!(flags.contains(&(option.key, option.key.replace('_', "-"))), "{}", option.key);
+            let value = match option.values {
+                Values::One(_) => "1",
+                Values::Many(_) => option.value_name,
+                Values::Words(words) => words[0].0,
+            };
+            let value = ["X", "Y", "Z", "RADIUS"].iter().fold(value.to_owned(), |value, name| value.replace(name, "1"));
+            let given = read(&[&format!("--{}", option.flag()), &value]);
+            // Settings of the right type take it, be it in their range or not.
+            let settings = Value::Table(given.clone()).try_into::<BakeSettings>();
+            let read_back = settings.map(|settings| settings.to_toml().parse::<Table>().expect("TOML"));
+            assert_eq!(read_back.expect("a key of this type")[option.key], given[option.key]);
+        }
+    }
+
+    #[test]
+    fn options_follow_those_that_they_name() {
+        let order: Vec<&str> = in_help_order().iter().map(|option| option.key).collect();
+        for option in OPTIONS.iter().filter(|option| option.after.is_some()) {
+            let group = order.split(|&key| Some(key) == option.after).nth(1).expect("the option that it names");
+            assert!(group.contains(&option.key), "{}", option.key);
         }
     }
 
@@ -306,15 +124,5 @@ mod tests {
         let settings = BakeSettings::resolve(Preset::Production, None, &flags).expect("valid");
         assert_eq!(settings.interior, [[-1.0, 2.0, 0.5], [0.0; 3]]);
         assert_eq!((settings.unwrap, settings.threshold), (UnwrapBackend::Xatlas, 0.01));
-    }
-
-    #[test]
-    fn points_are_three_numbers() {
-        assert_eq!(point("1, 2,3"), Ok([1.0, 2.0, 3.0]));
-        for text in ["1,2", "1,2,3,4", "1,2,x", "", "1,2,3,"] {
-            assert!(point(text).is_err(), "{text}");
-        }
-        assert_eq!(ball("1,2,3,0.5"), Ok([1.0, 2.0, 3.0, 0.5]));
-        assert!(ball("1,2,3").is_err());
     }
 }

@@ -33,7 +33,7 @@ fn settings(command: &Bake) -> Result<BakeSettings, CommandError> {
         None => None,
     };
     let config = config.as_ref().map(|(name, text)| (name.as_str(), text.as_str()));
-    Ok(BakeSettings::resolve(command.preset.into(), config, &command.flags.to_table())?)
+    Ok(BakeSettings::resolve(command.preset, config, &command.flags.given)?)
 }
 
 /// Bakes `source` into `output`, with the unwrapped scene beside it where there is one.

@@ -1,6 +1,6 @@
 //! Flags over a configuration file over a preset: how the settings of a bake come together.
 
-use super::{BakeSettings, OutOfRange, Preset};
+use super::{BakeSettings, OPTIONS, OutOfRange, Preset};
 use toml::{Table, Value};
 
 /// Name under which errors report the layer of the flags.
@@ -8,39 +8,6 @@ pub const FLAG_LAYER: &str = "command line";
 
 /// What to use instead of an option that there was.
 pub const FILL_IS_GONE: &str = "`fill` is gone: give the number of receivers with `receivers`; the map's size follows";
-
-/// Keys of a configuration file, in the order of the fields of [`BakeSettings`].
-const KEYS: [&str; 29] = [
-    "spacing",
-    "probes",
-    "voxel",
-    "interior",
-    "standoff",
-    "overlap",
-    "min_overlap",
-    "repair",
-    "probe_degree",
-    "receiver_degree",
-    "sky_degree",
-    "receivers",
-    "density",
-    "focus",
-    "lightmap",
-    "texel",
-    "direct_map",
-    "gather_rays",
-    "relight_rays",
-    "transport",
-    "near_bytes",
-    "volume",
-    "volume_degree",
-    "leaf",
-    "threshold",
-    "coefficients",
-    "unwrap",
-    "seed",
-    "max_unseen",
-];
 
 /// Why a set of options is refused. `layer` is a configuration file's name, or [`FLAG_LAYER`].
 #[derive(Debug, thiserror::Error)]
@@ -122,22 +89,22 @@ impl BakeSettings {
     /// # Errors
     /// [`SettingsError`] with the layer that is to blame.
     pub fn resolve(preset: Preset, config: Option<(&str, &str)>, flags: &Table) -> Result<Self, SettingsError> {
+        let (name, text) = config.unwrap_or_default();
+        let layers = [(name, &parse(name, text)?), (FLAG_LAYER, flags)];
         let mut table = Table::try_from(preset.settings()).unwrap_or_default();
-        let mut layer_of: Vec<(String, String)> = Vec::new();
-        if let Some((name, text)) = config {
-            let config = parse(name, text)?;
-            overlay(&mut table, &config, name, &mut layer_of)?;
+        for (layer, given) in layers {
+            check_types(layer, given)?;
+            table.extend(given.clone());
         }
-        overlay(&mut table, flags, FLAG_LAYER, &mut layer_of)?;
-        let layer = |key: &str| {
-            let given = layer_of.iter().rev().find(|(held, _)| held == key);
-            given.map_or_else(|| format!("preset {preset}"), |(_, layer)| layer.clone())
-        };
         let settings: Self = Value::Table(table).try_into().map_err(|error: toml::de::Error| {
             // The values of each layer were tried one by one before, so no key is at fault here.
             SettingsError::WrongType { layer: FLAG_LAYER.into(), key: String::new(), what: error.message().into() }
         })?;
-        settings.check().map_err(|error| SettingsError::Range { layer: layer(error.key), error })?;
+        settings.check().map_err(|error| {
+            let given = layers.iter().rev().find(|(_, given)| given.contains_key(error.key));
+            let layer = given.map_or_else(|| format!("preset {}", preset.name()), |(layer, _)| (*layer).into());
+            SettingsError::Range { layer, error }
+        })?;
         Ok(settings)
     }
 
@@ -173,14 +140,10 @@ fn parse(layer: &str, text: &str) -> Result<Table, SettingsError> {
     })
 }
 
-fn overlay(
-    table: &mut Table,
-    from: &Table,
-    layer: &str,
-    layer_of: &mut Vec<(String, String)>,
-) -> Result<(), SettingsError> {
-    for (key, value) in from {
-        if !KEYS.contains(&key.as_str()) {
+/// One key after the other, so that errors can name it.
+fn check_types(layer: &str, given: &Table) -> Result<(), SettingsError> {
+    for (key, value) in given {
+        if !OPTIONS.iter().any(|option| option.key == key) {
             return Err(SettingsError::UnknownKey { layer: layer.into(), key: key.clone(), nearest: nearest(key) });
         }
         let alone = Table::from_iter([(key.clone(), value.clone())]);
@@ -189,8 +152,6 @@ fn overlay(
             key: key.clone(),
             what: one_line(error.message()),
         })?;
-        layer_of.push((key.clone(), layer.into()));
-        table.insert(key.clone(), value.clone());
     }
     Ok(())
 }
@@ -203,23 +164,8 @@ fn one_line(text: &str) -> String {
 /// underscores.
 fn nearest(key: &str) -> Option<&'static str> {
     let key = key.to_lowercase().replace('-', "_");
-    let (edits, name) = KEYS.iter().map(|&name| (distance(&key, name), name)).min()?;
+    let (edits, name) = OPTIONS.iter().map(|option| (strsim::levenshtein(&key, option.key), option.key)).min()?;
     (edits <= name.len().div_ceil(3)).then_some(name)
-}
-
-/// Levenshtein distance in bytes.
-fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, left) in a.bytes().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, right) in b.bytes().enumerate() {
-            let replaced = diagonal + usize::from(left != right);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -247,7 +193,7 @@ mod tests {
     fn keys_are_the_fields_of_the_settings_in_their_order() {
         let json = serde_json::to_value(full()).expect("settings are plain data");
         let fields: Vec<&str> = json.as_object().expect("a struct").keys().map(String::as_str).collect();
-        assert_eq!(fields, KEYS);
+        assert_eq!(fields, OPTIONS.iter().map(|option| option.key).collect::<Vec<_>>());
     }
 
     #[test]

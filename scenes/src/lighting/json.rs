@@ -1,6 +1,6 @@
 //! Reads the lighting JSON: which keys there are, what they mean and what they may hold.
 
-use super::place::{Place, edit_distance};
+use super::place::Place;
 use super::{Lighting, LightingError, MaterialOverride, Sky, equirect};
 use crate::light::{Light, LightKind};
 use crate::scene::Scene;
@@ -215,7 +215,7 @@ fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
     if near.is_empty() {
         return "it has no materials".into();
     }
-    near.sort_by_key(|candidate| edit_distance(&name.to_lowercase(), &candidate.to_lowercase()));
+    near.sort_by_key(|candidate| strsim::levenshtein(&name.to_lowercase(), &candidate.to_lowercase()));
     let quoted: Vec<String> = near.iter().take(3).map(|name| format!("\"{name}\"")).collect();
     format!("nearest are {} (of {})", quoted.join(", "), near.len())
 }

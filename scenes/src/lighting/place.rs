@@ -31,7 +31,7 @@ impl<'a> Place<'a> {
             return Err(self.wrong_type("an object"));
         };
         if let Some(key) = entries.keys().find(|key| !known.contains(&key.as_str())) {
-            let nearest = known.iter().min_by_key(|candidate| edit_distance(key, candidate));
+            let nearest = known.iter().min_by_key(|candidate| strsim::levenshtein(key, candidate));
             return Err(LightingError::UnknownKey {
                 place: self.shown(),
                 key: key.clone(),
@@ -124,20 +124,4 @@ impl<'a> Object<'a> {
     ) -> Result<f32, LightingError> {
         self.get(key).map_or(Ok(default), |place| place.number_within(allowed, is_allowed))
     }
-}
-
-/// Fewest insertions, deletions and replacements of characters between two words (Levenshtein).
-pub(super) fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, to) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(from != *to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[b.len()]
 }
