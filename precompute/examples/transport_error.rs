@@ -14,7 +14,8 @@ use localprt_precompute::{
     inputs,
     progress::Progress,
     validate::{
-        Subject, last_leg, lit,
+        Subject, lit,
+        methods::{self, COMPRESSED, Method, PAPER, UNCOMPRESSED, WITHOUT_LINKS},
         path_tracer::{PathBudget, PathTracer},
         selection::Pairs,
     },
@@ -96,11 +97,10 @@ fn report(
 ) -> Result<Frame, Box<dyn Error>> {
     let progress = Progress::silent();
     let lit = lit::light(subject, lighting, bounces, &progress)?;
-    let legs = last_leg::last_leg(subject, &lit, lighting, sample, &progress)?;
-    let paper: Vec<Vec3> = legs.iter().map(|leg| leg.paper).collect();
-    let rows: Vec<Vec3> = legs.iter().map(|leg| leg.uncompressed).collect();
-    let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let without_links: Vec<Vec3> = legs.iter().map(|leg| leg.without_links).collect();
+    let compared = methods::compare(&lit, sample, &progress)?;
+    let of = |method: &Method| compared.light.of(method).irradiance.clone();
+    let (paper, without_links) = (of(&PAPER), of(&WITHOUT_LINKS));
+    let (rows, compressed) = (of(&UNCOMPRESSED), of(&COMPRESSED));
     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
     for (way, values) in [("paper", &paper), ("without links", &without_links), ("rows", &rows), ("file", &compressed)]
     {
@@ -134,7 +134,7 @@ fn report(
             paper[index].element_sum() / 3.0 / mean,
             rows[index].element_sum() / 3.0 / mean,
             compressed[index].element_sum() / 3.0 / mean,
-            legs[index].near,
+            compared.near[index],
             subject.supporting(sample[index]).len(),
         );
     }
@@ -186,17 +186,13 @@ fn report_steps(subject: &Subject<'_>, lighting: &Lighting, bounces: u32, pairs:
         &progress,
     )?;
     let lit = lit::light(subject, lighting, bounces, &progress)?;
-    let legs = last_leg::last_leg(subject, &lit, lighting, &all, &progress)?;
-    let by_index =
-        |value: &dyn Fn(usize) -> Vec3| -> Vec<f64> { (0..all.len()).map(|index| luminance(value(index))).collect() };
-    let truth = by_index(&|index| reference.irradiance[index]);
+    let compared = methods::compare(&lit, &all, &progress)?;
+    let brightness = |light: &[Vec3]| -> Vec<f64> { light.iter().map(|&light| luminance(light)).collect() };
+    let of = |method: &Method| brightness(&compared.light.of(method).irradiance);
+    let truth = brightness(&reference.irradiance);
     let mean = truth.iter().sum::<f64>() / all.len() as f64;
-    let ways = [
-        ("truth", truth.clone()),
-        ("file", by_index(&|index| lit.relit.irradiance[all[index] as usize])),
-        ("rows", by_index(&|index| legs[index].uncompressed)),
-        ("paper", by_index(&|index| legs[index].paper)),
-    ];
+    let ways =
+        [("truth", truth.clone()), ("file", of(&COMPRESSED)), ("rows", of(&UNCOMPRESSED)), ("paper", of(&PAPER))];
     for (border, pairs) in [("cluster borders", &pairs.clusters), ("within clusters", &pairs.within)] {
         let step = |values: &[f64], pair: &[u32; 2]| {
             let at = |receiver: u32| values[all.partition_point(|&other| other < receiver)];

@@ -9,6 +9,7 @@ use localprt_precompute::output::{self, OutputError};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::rays::RayCaster;
 use localprt_precompute::reference_file::ReferenceFile;
+use localprt_precompute::validate::methods::COMPRESSED;
 use localprt_precompute::validate::pages::{self, Context};
 use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
@@ -111,14 +112,14 @@ impl Job<'_> {
         pages::write(self.output, &context)?;
         drop(stage);
         for (state, figures) in findings.states.iter().zip(&metrics.states) {
-            let [ours, _, _, paper, spatial, arikan] = state.methods;
+            let ours = figures.methods.of(&COMPRESSED);
+            let comparators = figures.methods.iter().filter(|(method, _)| method.comparator.is_some());
+            let others = comparators.map(|(method, error)| format!("{} {:.4}", method.name, error.nrmse));
             progress.note(&format!(
-                "{}: nrmse {:.4} (paper {:.4}, spatial {:.4}, arikan {:.4}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
+                "{}: nrmse {:.4} ({}), median {:.4}, p95 {:.4}, bias {:+.4}, reference +-{:.4}",
                 figures.name,
                 ours.nrmse,
-                paper.nrmse,
-                spatial.nrmse,
-                arikan.nrmse,
+                others.collect::<Vec<_>>().join(", "),
                 ours.median_relative,
                 ours.p95_relative,
                 ours.bias,
@@ -226,7 +227,7 @@ impl Job<'_> {
     fn gate(&self, states: &[StateFindings]) -> Result<(), CommandError> {
         let Some(allowed) = self.limits.nrmse else { return Ok(()) };
         for state in states.iter().filter(|state| state.state.counts) {
-            let nrmse = state.methods[0].nrmse;
+            let nrmse = state.methods.of(&COMPRESSED).error.nrmse;
             // A figure that is not a number is not below any limit.
             if nrmse > allowed || nrmse.is_nan() {
                 let what = format!("nrmse under {} is {nrmse:.4}, allowed is {allowed:.4}", state.state.name);

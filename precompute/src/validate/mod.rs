@@ -6,7 +6,9 @@
 //! | file | what it measures |
 //! |---|---|
 //! | [`path_tracer`] | the reference: irradiance with standard errors, pictures |
-//! | [`last_leg`] | compressed, uncompressed, the comparators of figure 8, and the steps between truth and result |
+//! | [`methods`] | irradiance by every method: compressed, uncompressed, the comparators of figure 8 |
+//! | [`lit`], [`lobe`] | what methods start from: the file relit, light of surfaces and probes, cosine lobes |
+//! | [`last_leg`] | the steps between truth and compressed result |
 //! | [`seen`], [`viewpoints`] | the lightmap as an engine reads it, at points that a camera sees and at points by area |
 //! | [`surface_pixels`], [`edges`], [`mottling`] | what a view shows beside edges, and blotches on smooth surfaces |
 //! | [`metrics`](crate::metrics), [`flip`] | errors, each beside its formula |
@@ -22,6 +24,8 @@ pub mod failure;
 pub mod flip;
 pub mod last_leg;
 pub mod lit;
+pub mod lobe;
+pub mod methods;
 pub mod mottling;
 pub mod operator_norm;
 pub mod pages;
@@ -37,7 +41,7 @@ pub mod surface_pixels;
 pub mod sweep;
 pub mod viewpoints;
 
-pub use state::{METHODS, State, StateFindings};
+pub use state::{State, StateFindings};
 pub use subject::Subject;
 pub use sweep::Sweep;
 
@@ -226,10 +230,11 @@ impl Findings {
         let Some(state) = self.states.first() else { return figures };
         let of = |value: fn(&last_leg::TruthLeg) -> Vec3| state.truths.iter().map(value).collect::<Vec<_>>();
         let last_leg = relative_errors(&of(|truth| truth.dense), &of(|truth| truth.all));
-        let compressed = relative_errors(&state.compressed(&self.sample), &state.reference.irradiance);
+        let compressed = relative_errors(state.compressed(), &state.reference.irradiance);
         figures.rank_correlation = rank_correlation(&norms, &last_leg);
         figures.rank_correlation_relative = rank_correlation(&norms, &compressed);
-        figures.rank_correlation_absolute = rank_correlation(&norms, &state.absolute_errors(&self.sample));
+        let absolute: Vec<f64> = state.luminance_errors().map(f64::abs).collect();
+        figures.rank_correlation_absolute = rank_correlation(&norms, &absolute);
         let pairs = || norms.iter().zip(&last_leg);
         figures.error_where_high = mean_of(pairs().filter(|(norm, _)| **norm > high).map(|(_, &error)| error));
         figures.error_elsewhere = mean_of(pairs().filter(|(norm, _)| **norm <= high).map(|(_, &error)| error));

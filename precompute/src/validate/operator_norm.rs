@@ -15,10 +15,7 @@
 //! Directions in which the receiver sees sky or black backs are left out of the first term, and so are those whose light it
 //! reads from the light map: the sky has exact columns of its own, backs send nothing, and the map is exact but for its texels.
 
-use super::{
-    last_leg::{cosine_lobe, each, irradiance_weight},
-    subject::Subject,
-};
+use super::{lit::irradiance_weight, lobe::cosine_lobe, subject::Subject};
 use crate::{
     progress::{Cancelled, Progress},
     rays::OccluderHint,
@@ -70,7 +67,7 @@ pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progre
     let field_basis = Basis::new(FIELD_DEGREE);
     let views = ProbeViews::trace(subject, receivers, &probe_basis);
     progress.check()?;
-    each("operator norm", subject, receivers, progress, |index, leaf| {
+    subject.each("operator norm", receivers, progress, |index, leaf| {
         at(subject, receivers[index], leaf, &views, &probe_basis, &field_basis)
     })
 }

@@ -1,6 +1,6 @@
 //! What the error is made of: shares that add up to it receiver by receiver, and the reasons of the worst ones.
 
-use super::last_leg::{LastLeg, TruthLeg};
+use super::last_leg::TruthLeg;
 use crate::metrics::{percentile, rms};
 use glam::{DVec3, Vec3};
 use localprt_scenes::luminance;
@@ -64,14 +64,14 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(truth: &TruthLeg, leg: &LastLeg, compressed: Vec3, reference: Vec3) -> Self {
+    fn of(truth: &TruthLeg, uncompressed: Vec3, compressed: Vec3, reference: Vec3) -> Self {
         let step = |from: Vec3, to: Vec3| to.as_dvec3() - from.as_dvec3();
         Self {
             input: step(reference, truth.all),
             unseen: step(truth.all, truth.seen),
             band_limit: step(truth.seen, truth.dense),
-            gather_rays: step(truth.dense, leg.uncompressed),
-            compression: step(leg.uncompressed, compressed),
+            gather_rays: step(truth.dense, uncompressed),
+            compression: step(uncompressed, compressed),
         }
     }
 
@@ -80,17 +80,19 @@ impl Parts {
     }
 }
 
-/// Splits the error of the compressed light at `[n_measured]` receivers; `mean` is that of the reference.
+/// Splits the error of the compressed light at `[n_measured]` receivers; `near` is the share of near surfaces around each,
+/// `mean` that of the reference.
 pub fn parts(
     truths: &[TruthLeg],
-    legs: &[LastLeg],
+    near: &[f32],
+    uncompressed: &[Vec3],
     compressed: &[Vec3],
     reference: &[Vec3],
     standard_error: &[Vec3],
     mean: f64,
 ) -> (ErrorParts, Worst) {
-    let parts: Vec<Parts> = (0..legs.len())
-        .map(|index| Parts::of(&truths[index], &legs[index], compressed[index], reference[index]))
+    let parts: Vec<Parts> = (0..truths.len())
+        .map(|index| Parts::of(&truths[index], uncompressed[index], compressed[index], reference[index]))
         .collect();
     let share = |part: fn(&Parts) -> DVec3| rms(parts.iter().map(part)) / mean;
     let errors = ErrorParts {
@@ -101,10 +103,10 @@ pub fn parts(
         compression: share(|parts| parts.compression),
         reference_noise: rms(standard_error.iter().map(|error| error.as_dvec3())) / mean,
     };
-    (errors, worst(&parts, legs))
+    (errors, worst(&parts, near))
 }
 
-fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
+fn worst(parts: &[Parts], near: &[f32]) -> Worst {
     let size = |error: DVec3| luminance(error.abs());
     let whole: Vec<f64> = parts.iter().map(|parts| size(parts.whole())).collect();
     let limit = percentile(&whole, 1.0 - WORST_SHARE);
@@ -117,7 +119,7 @@ fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
         let (kind, _) = sizes.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap_or((0, &0.0));
         largest[kind] += 1;
     }
-    let is_corner = |leg: &LastLeg| leg.near > CORNER;
+    let is_corner = |near: f32| near > CORNER;
     let squares = |index: usize| parts[index].whole().length_squared();
     let total: f64 = (0..parts.len()).map(squares).sum();
     let [unseen, band_limit, gather_rays, input, compression] = largest.map(|count| count as f64 / n);
@@ -133,8 +135,8 @@ fn worst(parts: &[Parts], legs: &[LastLeg]) -> Worst {
         gather_rays,
         input,
         compression,
-        in_corners: chosen.iter().filter(|&&index| is_corner(&legs[index])).count() as f64 / n,
-        corners_of_all: legs.iter().filter(|leg| is_corner(leg)).count() as f64 / legs.len().max(1) as f64,
+        in_corners: chosen.iter().filter(|&&index| is_corner(near[index])).count() as f64 / n,
+        corners_of_all: near.iter().filter(|&&near| is_corner(near)).count() as f64 / near.len().max(1) as f64,
     }
 }
 
@@ -147,15 +149,16 @@ mod tests {
         let grey = Vec3::splat;
         // 200 receivers without error but for two: one unseen and in a corner, one out of band.
         let mut truths = vec![TruthLeg { all: grey(1.0), seen: grey(1.0), dense: grey(1.0) }; 200];
-        let mut legs = vec![LastLeg { uncompressed: grey(1.0), ..LastLeg::default() }; 200];
+        let (mut near, mut uncompressed) = (vec![0.0; 200], vec![grey(1.0); 200]);
         let mut compressed = vec![grey(1.0); 200];
         truths[3] = TruthLeg { seen: grey(0.0), dense: grey(0.25), ..truths[3] };
-        legs[3] = LastLeg { uncompressed: grey(0.25), near: 0.9, ..legs[3] };
+        (near[3], uncompressed[3]) = (0.9, grey(0.25));
         compressed[3] = grey(0.25);
         truths[70] = TruthLeg { dense: grey(1.5), ..truths[70] };
-        legs[70] = LastLeg { uncompressed: grey(1.75), ..legs[70] };
+        uncompressed[70] = grey(1.75);
         compressed[70] = grey(1.875);
-        let (errors, worst) = parts(&truths, &legs, &compressed, &vec![grey(1.0); 200], &vec![grey(0.01); 200], 1.0);
+        let (errors, worst) =
+            parts(&truths, &near, &uncompressed, &compressed, &[grey(1.0); 200], &[grey(0.01); 200], 1.0);
         let rms = |squares: f64| (squares / 200.0).sqrt();
         assert!((errors.unseen - rms(1.0)).abs() < 1e-12);
         assert!((errors.band_limit - rms(0.25 * 0.25 + 0.5 * 0.5)).abs() < 1e-12);

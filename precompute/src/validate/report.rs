@@ -3,6 +3,7 @@
 use super::{
     Findings, MeasureSettings, NormFigures,
     coverage::Coverage,
+    methods::ByMethod,
     parts::{ErrorParts, Worst},
     seen::SeenError,
     state::{Leak, StateFindings, View},
@@ -22,7 +23,7 @@ pub struct Metrics {
     /// The reference of the first state.
     pub reference: ReferenceFigures,
     /// Errors of the methods in the first state.
-    pub methods: Methods,
+    pub methods: ByMethod<MethodError>,
     /// Eq. (12), without lighting.
     pub operator_norm: NormFigures,
     /// Steps across borders in the first state.
@@ -58,7 +59,7 @@ pub struct StateFigures {
     /// The reference.
     pub reference: ReferenceFigures,
     /// Errors of the methods.
-    pub methods: Methods,
+    pub methods: ByMethod<MethodError>,
     /// Steps across borders.
     pub seams: Steps,
     /// Light where there should be none.
@@ -156,30 +157,12 @@ pub struct ReferenceFigures {
     pub paths: f64,
 }
 
-/// Errors by method.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Methods {
-    /// What the file gives.
-    pub compressed: MethodError,
-    /// Transport rows in full, with near light.
-    pub uncompressed: MethodError,
-    /// Rows that are fitted without near light, in full: what links are to be held against.
-    pub without_links: MethodError,
-    /// Eq. (1).
-    pub spatial: MethodError,
-    /// Irradiance decomposition, idealized.
-    pub arikan: MethodError,
-    /// The paper's rows, whatever the file's are.
-    pub paper: MethodError,
-}
-
 impl StateFigures {
     /// Sums up a state.
     pub fn of(state: &StateFindings) -> Self {
         let reference = &state.reference;
         let errors = reference.standard_error.iter().map(|error| error.as_dvec3());
         let paths: u64 = reference.paths.iter().map(|&paths| u64::from(paths)).sum();
-        let [compressed, uncompressed, without_links, paper, spatial, arikan] = state.methods;
         Self {
             name: state.state.name.clone(),
             mean_irradiance: state.mean,
@@ -188,7 +171,7 @@ impl StateFigures {
                 standard_error: rms(errors) / state.mean,
                 paths: paths as f64 / reference.paths.len().max(1) as f64,
             },
-            methods: Methods { compressed, uncompressed, without_links, paper, spatial, arikan },
+            methods: state.methods.map(|found| found.error),
             seams: state.steps,
             leak: state.leak,
             errors: state.parts,

@@ -4,8 +4,9 @@ use super::{
     MeasureSettings,
     edges::{Edges, is_at_edge},
     flip::mean_flip,
-    last_leg::{LastLeg, TruthLeg, last_leg, truth_leg},
-    lit::{Lit, light},
+    last_leg::{TruthLeg, truth_leg},
+    lit::light,
+    methods::{self, ByMethod, COMPRESSED, Method, PAPER, UNCOMPRESSED},
     mottling::Mottling,
     parts::{ErrorParts, Worst, parts},
     path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings},
@@ -23,9 +24,6 @@ use localprt_formats::BakedView;
 use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
 use localprt_scenes::{Camera, Lighting, luminance};
 use serde::Serialize;
-
-/// Names of the methods, in the order of [`StateFindings::methods`].
-pub const METHODS: [&str; 6] = ["compressed", "uncompressed", "without_links", "paper", "spatial", "arikan"];
 
 /// Rows of a picture, at most: a tall camera must not take all memory.
 const MOST_ROWS: u32 = 2048;
@@ -106,6 +104,17 @@ pub struct Shown {
     pub deviation: Vec<f32>,
 }
 
+/// What was found of one method.
+#[derive(Clone, Debug)]
+pub struct MethodFindings {
+    /// Irradiance at the measured receivers, W m^-2.
+    pub irradiance: Vec<Vec3>,
+    /// Irradiance map, gutters filled.
+    pub map: CoverageMap,
+    /// Errors at the measured receivers.
+    pub error: MethodError,
+}
+
 /// Everything measured under one lighting state.
 #[derive(Debug)]
 pub struct StateFindings {
@@ -115,16 +124,12 @@ pub struct StateFindings {
     pub reference: Estimates,
     /// Mean of the reference over receivers and bands, W m^-2.
     pub mean: f64,
-    /// The compressed relight.
-    pub lit: Lit,
-    /// Last leg at the measured receivers.
-    pub legs: Vec<LastLeg>,
+    /// The same of its luminance.
+    pub mean_luminance: f64,
     /// From the truth to the transport row at the measured receivers.
     pub truths: Vec<TruthLeg>,
-    /// Irradiance maps of [`METHODS`], gutters filled.
-    pub maps: [CoverageMap; 6],
-    /// Errors of [`METHODS`].
-    pub methods: [MethodError; 6],
+    /// By method.
+    pub methods: ByMethod<MethodFindings>,
     /// What the error is made of.
     pub parts: ErrorParts,
     /// Reasons of the worst receivers.
@@ -186,29 +191,16 @@ pub fn measure(
     let mut needed: Vec<u32> = sample.iter().copied().chain(pairs.receivers()).chain(seen).collect();
     needed.sort_unstable();
     needed.dedup();
-    let all_legs = last_leg(subject, &lit, lighting, &needed, progress)?;
+    let compared = methods::compare(&lit, &needed, progress)?;
     let place = |receiver: u32| needed.binary_search(&receiver).expect("measured receivers are among those needed");
-    let legs: Vec<LastLeg> = sample.iter().map(|&receiver| all_legs[place(receiver)]).collect();
-
-    let compressed: Vec<Vec3> = sample.iter().map(|&receiver| lit.relit.irradiance[receiver as usize]).collect();
-    let of_method = |leg: &LastLeg| [leg.uncompressed, leg.without_links, leg.paper, leg.spatial, leg.arikan];
-    let map_of = |method: usize| {
-        let values: Vec<Vec3> = all_legs.iter().map(|leg| of_method(leg)[method]).collect();
-        irradiance_map(subject, &spread(subject, &needed, &values))
-    };
-    let ours = lit.relit.irradiance_map.clone();
-    let maps: [CoverageMap; METHODS.len()] =
-        std::array::from_fn(|method| if method == 0 { ours.clone() } else { map_of(method - 1) });
-    let error = |method: usize| {
-        let values: Vec<Vec3> = match method {
-            0 => compressed.clone(),
-            _ => legs.iter().map(|leg| of_method(leg)[method - 1]).collect(),
-        };
-        let flips = views.iter().map(|view| view.flip(&maps[method]));
-        let flip = flips.sum::<f64>() / views.len().max(1) as f64;
-        MethodError { flip, ..MethodError::of(&values, &reference.irradiance).unwrap_or_default() }
-    };
-    let methods = std::array::from_fn(error);
+    let methods = compared.light.map(|light| {
+        let irradiance: Vec<Vec3> = sample.iter().map(|&receiver| light.irradiance[place(receiver)]).collect();
+        let interpolated = || irradiance_map(subject, &spread(subject, &needed, &light.irradiance));
+        let map = light.map.clone().unwrap_or_else(interpolated);
+        let flip = views.iter().map(|view| view.flip(&map)).sum::<f64>() / views.len().max(1) as f64;
+        let error = MethodError::of(&irradiance, &reference.irradiance).unwrap_or_default();
+        MethodFindings { irradiance, map, error: MethodError { flip, ..error } }
+    });
 
     // With one bounce the reference is the first bounce.
     let first_bounce = match settings.bounces {
@@ -218,28 +210,27 @@ pub fn measure(
             tracer.estimate_means(&points, settings.budget, progress)?.irradiance
         }
     };
-    let truths = truth_leg(subject, &lit, lighting, sample, &first_bounce, progress)?;
-    let (parts, worst) = parts(&truths, &legs, &compressed, &reference.irradiance, &reference.standard_error, mean);
-    let brightness = |color: Vec3| luminance(color);
-    let brightness_mean =
-        reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / sample.len().max(1) as f64;
-    let steps = Steps::of(
-        pairs,
-        |receiver| brightness(lit.relit.irradiance[receiver as usize]),
-        |receiver| brightness(all_legs[place(receiver)].uncompressed),
-        |receiver| brightness(all_legs[place(receiver)].paper),
-        brightness_mean,
-    );
-    let leak = leak(&compressed, &reference.irradiance, brightness_mean);
+    let truths = truth_leg(&lit, sample, &first_bounce, progress)?;
+    let near: Vec<f32> = sample.iter().map(|&receiver| compared.near[place(receiver)]).collect();
+    let measured = |method: &Method| methods.of(method).irradiance.as_slice();
+    let (compressed, rows) = (measured(&COMPRESSED), measured(&UNCOMPRESSED));
+    let (parts, worst) =
+        parts(&truths, &near, rows, compressed, &reference.irradiance, &reference.standard_error, mean);
+    let mean_luminance =
+        reference.irradiance.iter().map(|&color| luminance(color)).sum::<f64>() / sample.len().max(1) as f64;
+    let by = |method: &Method| {
+        let light = &compared.light.of(method).irradiance;
+        move |receiver: u32| luminance(light[place(receiver)])
+    };
+    let steps = Steps::of(pairs, by(&COMPRESSED), by(&UNCOMPRESSED), by(&PAPER), mean_luminance);
+    let leak = leak(compressed, &reference.irradiance, mean_luminance);
     let flip_noise = views.iter().map(|view| view.flip_noise).sum::<f64>() / views.len().max(1) as f64;
     Ok(Some(StateFindings {
         state: state.clone(),
         reference,
         mean,
-        lit,
-        legs,
+        mean_luminance,
         truths,
-        maps,
         methods,
         parts,
         worst,
@@ -369,8 +360,8 @@ impl StateFindings {
         sample: &[u32],
         bounces: u32,
     ) -> ReferenceFile {
-        let values = self.reference.irradiance.iter().zip(self.compressed(sample));
-        let point = |(&receiver, (reference, compressed)): (&u32, (&Vec3, Vec3))| ReferencePoint {
+        let values = self.reference.irradiance.iter().zip(self.compressed());
+        let point = |(&receiver, (reference, compressed)): (&u32, (&Vec3, &Vec3))| ReferencePoint {
             receiver,
             position: view.receiver_position[receiver as usize],
             reference: reference.to_array(),
@@ -381,14 +372,13 @@ impl StateFindings {
     }
 
     /// Compressed irradiance at the measured receivers.
-    pub fn compressed(&self, sample: &[u32]) -> Vec<Vec3> {
-        sample.iter().map(|&receiver| self.lit.relit.irradiance[receiver as usize]).collect()
+    pub fn compressed(&self) -> &[Vec3] {
+        &self.methods.of(&COMPRESSED).irradiance
     }
 
-    /// `|E - E_ref|` of luminance at the measured receivers, W m^-2.
-    pub fn absolute_errors(&self, sample: &[u32]) -> Vec<f64> {
-        let brightness = |color: Vec3| luminance(color);
-        let pairs = self.compressed(sample).into_iter().zip(&self.reference.irradiance);
-        pairs.map(|(found, &reference)| (brightness(found) - brightness(reference)).abs()).collect()
+    /// `E - E_ref` of its luminance, W m^-2.
+    pub fn luminance_errors(&self) -> impl Iterator<Item = f64> {
+        let pairs = self.compressed().iter().zip(&self.reference.irradiance);
+        pairs.map(|(&found, &reference)| luminance(found) - luminance(reference))
     }
 }

@@ -12,11 +12,12 @@ use crate::{
     progress::{Cancelled, Progress},
     rays::RayCaster,
     settings::{BakeSettings, Transport},
-    transport::{FitScene, GatherSet, NearField, Receivers, TransportScene},
+    transport::{FitScene, GatherSet, NearField, Receivers, TransportLeaf, TransportScene},
 };
 use glam::{Vec2, Vec3};
 use localprt_formats::{BakedView, Checked, sh};
 use localprt_scenes::SurfacePoint;
+use rayon::prelude::*;
 
 /// A baked file under validation.
 pub struct Subject<'a> {
@@ -174,16 +175,41 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Receivers, given in file order, by leaf of the bake: the leaf's members in the transport stage, and indices into
-    /// `receivers`. Leaves without any are left out.
-    pub fn by_leaf(&self, receivers: &[u32]) -> Vec<(&[u32], Vec<usize>)> {
-        let mut groups: Vec<(&[u32], Vec<usize>)> =
-            self.leaves.iter().map(|members| (members.as_slice(), Vec::new())).collect();
+    /// Results of `at(index, leaf)` for some receivers, given in file order: `[n_receivers]`, worked on leaf by leaf.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn each<T: Send + Clone + Default>(
+        &self,
+        name: &str,
+        receivers: &[u32],
+        progress: &Progress,
+        at: impl Fn(usize, &TransportLeaf) -> T + Sync,
+    ) -> Result<Vec<T>, Cancelled> {
+        let stage = progress.stage(name, receivers.len() as u64);
+        let transport = self.transport();
+        let mut by_leaf = vec![Vec::new(); self.leaves.len()];
         for (index, &receiver) in receivers.iter().enumerate() {
-            groups[self.leaf_of[self.place(receiver) as usize] as usize].1.push(index);
+            by_leaf[self.leaf_of[self.place(receiver) as usize] as usize].push(index);
         }
-        groups.retain(|(_, indices)| !indices.is_empty());
-        groups
+        let asked_for = self.leaves.par_iter().zip(&by_leaf).filter(|(_, indices)| !indices.is_empty());
+        let of_leaf = |(members, indices): (&Vec<u32>, &Vec<usize>)| {
+            progress.check()?;
+            let leaf = transport.leaf(members);
+            let found = indices.par_iter().map(|&index| {
+                progress.check()?;
+                let found = at(index, &leaf);
+                stage.inc(1);
+                Ok((index, found))
+            });
+            found.collect::<Result<Vec<_>, Cancelled>>()
+        };
+        let found = asked_for.map(of_leaf).collect::<Result<Vec<_>, Cancelled>>()?;
+        let mut results = vec![T::default(); receivers.len()];
+        for (index, found) in found.into_iter().flatten() {
+            results[index] = found;
+        }
+        Ok(results)
     }
 
     /// Number of a receiver, given in file order, in the transport stage.

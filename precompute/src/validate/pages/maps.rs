@@ -17,7 +17,6 @@ use crate::{
     },
 };
 use glam::Vec3;
-use localprt_scenes::luminance;
 use std::f32::consts::PI;
 
 /// A quantity of every receiver.
@@ -139,15 +138,7 @@ fn quantities(context: &Context<'_>) -> Vec<Quantity> {
     };
     let mut all = Vec::new();
     if let Some(state) = findings.states.first() {
-        let brightness = |color: Vec3| luminance(color);
-        let n = state.reference.irradiance.len().max(1) as f64;
-        let mean = state.reference.irradiance.iter().map(|&color| brightness(color)).sum::<f64>() / n;
-        let errors: Vec<f32> = state
-            .compressed(&findings.sample)
-            .into_iter()
-            .zip(&state.reference.irradiance)
-            .map(|(found, &reference)| ((brightness(found) - brightness(reference)) / mean) as f32)
-            .collect();
+        let errors: Vec<f32> = state.luminance_errors().map(|error| (error / state.mean_luminance) as f32).collect();
         let range = nice_signed_range(&errors, 99.0);
         all.push(Quantity {
             name: "error",

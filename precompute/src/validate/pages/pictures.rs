@@ -1,14 +1,15 @@
 //! The section of one lighting state: table of methods, pictures, reasons.
 
 use super::{Context, Folder, percent, signed_percent};
-use crate::metrics::MethodError;
 use crate::{
     figures::{Block, HeatMap, NamedImage, Ramp, Rgb8Image, Section, nice_signed_range},
+    metrics::MethodError,
     output::OutputError,
     picture::{Exposure, Picture},
     validate::{
         StateFindings,
         flip::flip,
+        methods::{COMPRESSED, Method},
         path_tracer::PixelLight,
         report::{Metrics, StateFigures, ViewFigures},
         state::{View, sampled},
@@ -119,18 +120,9 @@ fn surfaces(figures: &StateFigures) -> Block {
 }
 
 fn methods(figures: &StateFigures) -> Block {
-    let names = [
-        "compressed (the file)",
-        "uncompressed rows",
-        "rows fitted without near light, uncompressed",
-        "the paper's rows, uncompressed",
-        "spatial interpolation (Eq. 1)",
-        "irradiance decomposition (after Arikan et al.)",
-    ];
-    let methods = &figures.methods;
-    let row = |(name, error): (&str, &MethodError)| {
+    let row = |(method, error): (&Method, &MethodError)| {
         vec![
-            name.to_owned(),
+            method.title.to_owned(),
             percent(error.nrmse),
             percent(error.median_relative),
             percent(error.p95_relative),
@@ -139,18 +131,10 @@ fn methods(figures: &StateFigures) -> Block {
             format!("{:.4}", error.flip),
         ]
     };
-    let errors = [
-        &methods.compressed,
-        &methods.uncompressed,
-        &methods.without_links,
-        &methods.paper,
-        &methods.spatial,
-        &methods.arikan,
-    ];
     Block::Table {
         title: "Errors over receivers against path tracing".into(),
         head: ["method", "nrmse", "median", "95 %", "99 %", "bias", "FLIP"].map(String::from).to_vec(),
-        rows: names.into_iter().zip(errors).map(row).collect(),
+        rows: figures.methods.iter().map(row).collect(),
         note: format!(
             "The reference itself has a standard error of {} of the mean ({:.0} paths per receiver); FLIP between two \
              halves of its pictures is {:.4}; pictures of other methods than ours are interpolated between some \
@@ -165,23 +149,12 @@ fn methods(figures: &StateFigures) -> Block {
 }
 
 fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) -> Result<Vec<Block>, OutputError> {
-    let labels = ["ours", "uncompressed", "without_links", "paper", "spatial", "arikan"];
-    let captions = [
-        "from the file, as a renderer shows it",
-        "transport rows before compression",
-        "rows fitted without near light, before compression",
-        "the paper's transport rows before compression",
-        "probes interpolated by distance (Eq. 1)",
-        "probes interpolated, near surfaces exact",
-    ];
     let taken = |map: &CoverageMap| view.light.picture(|light| light.radiance(sampled(map, light)));
     let reference = view.light.picture(|light| light.radiance(light.reference()));
     let smooth = |indirect: &dyn Fn(&PixelLight) -> Vec3| view.smooth.picture(|light| light.radiance(indirect(light)));
-    let difference = flip(
-        &smooth(&|light| sampled(&state.maps[0], light)),
-        &smooth(&|light: &PixelLight| light.reference()),
-        view.ev,
-    );
+    let ours = &state.methods.of(&COMPRESSED).map;
+    let difference =
+        flip(&smooth(&|light| sampled(ours, light)), &smooth(&|light: &PixelLight| light.reference()), view.ev);
     let develop = |picture: &Picture, ev: f32| Rgb8Image {
         width: picture.width,
         height: picture.height,
@@ -194,10 +167,9 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
         file: folder.picture(&format!("{name}-reference"), &develop(&reference, view.ev))?,
         caption: "path traced at every pixel".into(),
     }];
-    for (method, label) in labels.into_iter().enumerate() {
-        let picture = develop(&taken(&state.maps[method]), view.ev);
-        let file = folder.picture(&format!("{name}-{label}"), &picture)?;
-        images.push(NamedImage { name: label.into(), file, caption: captions[method].into() });
+    for (method, found) in state.methods.iter() {
+        let file = folder.picture(&format!("{name}-{}", method.label), &develop(&taken(&found.map), view.ev))?;
+        images.push(NamedImage { name: method.label.into(), file, caption: method.caption.into() });
     }
     images.swap(0, 1);
     let flips = Rgb8Image {
@@ -216,10 +188,10 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     let reference_light = view.light.picture(|light| grey(light.reference(), light.albedo));
     let ev = Exposure::Auto.ev(&reference_light.pixels);
     let mut lights = Vec::new();
-    for (method, label) in labels.into_iter().enumerate() {
-        let picture = view.light.picture(|light| grey(sampled(&state.maps[method], light), light.albedo));
-        let file = folder.picture(&format!("{name}-light-{label}"), &develop(&picture, ev))?;
-        lights.push(NamedImage { name: label.into(), file, caption: captions[method].into() });
+    for (method, found) in state.methods.iter() {
+        let picture = view.light.picture(|light| grey(sampled(&found.map, light), light.albedo));
+        let file = folder.picture(&format!("{name}-light-{}", method.label), &develop(&picture, ev))?;
+        lights.push(NamedImage { name: method.label.into(), file, caption: method.caption.into() });
     }
     let file = folder.picture(&format!("{name}-light-reference"), &develop(&reference_light, ev))?;
     lights.insert(1, NamedImage { name: "reference".into(), file, caption: "path traced at every pixel".into() });
@@ -296,13 +268,11 @@ fn enlarged(view: &View, values: &[f32]) -> Vec<f32> {
 
 /// `(E - E_ref) / mean E_ref` of luminance per pixel of the smooth picture.
 fn relative_error(state: &StateFindings, view: &View) -> Vec<f32> {
-    let brightness = |color: Vec3| luminance(color);
-    let references = state.reference.irradiance.iter().map(|&color| brightness(color));
-    let mean = references.sum::<f64>() / state.reference.irradiance.len().max(1) as f64;
+    let ours = &state.methods.of(&COMPRESSED).map;
     view.smooth.values(|light| {
         // A black surface reflects nothing, and its light is not traced.
         light.uv.and(light.point)?;
-        Some(((brightness(sampled(&state.maps[0], light)) - brightness(light.reference())) / mean) as f32)
+        Some(((luminance(sampled(ours, light)) - luminance(light.reference())) / state.mean_luminance) as f32)
     })
 }
 

@@ -1,10 +1,13 @@
 //! The verdict, the bake's own report, and how things were measured.
 
 use super::{Context, percent};
-use crate::validate::state::{FLIP_NOISE, FLIP_WIDTH};
 use crate::{
     figures::{Block, Number, Section, Verdict},
-    validate::report::{Metrics, StateFigures, ViewFigures},
+    validate::{
+        methods::{COMPRESSED, METHODS, SPATIAL},
+        report::{Metrics, StateFigures, ViewFigures},
+        state::{FLIP_NOISE, FLIP_WIDTH},
+    },
 };
 use serde_json::Value;
 
@@ -17,7 +20,7 @@ pub(super) fn verdict(context: &Context<'_>, metrics: &Metrics) -> Verdict {
         .zip(&metrics.states)
         .filter_map(|(state, figures)| state.state.counts.then_some(figures))
         .collect();
-    let nrmse = |figures: &StateFigures| figures.methods.compressed.nrmse;
+    let nrmse = |figures: &StateFigures| figures.methods.of(&COMPRESSED).nrmse;
     let worst = *counted.iter().max_by(|a, b| nrmse(a).total_cmp(&nrmse(b))).unwrap_or(&&metrics.states[0]);
     let views: Vec<(&StateFigures, &ViewFigures)> =
         counted.iter().flat_map(|&state| state.views.iter().map(move |view| (state, view))).collect();
@@ -29,7 +32,7 @@ pub(super) fn verdict(context: &Context<'_>, metrics: &Metrics) -> Verdict {
         percent(nrmse(worst)),
         under(context, worst),
         largest_part(worst),
-        percent(worst.methods.spatial.nrmse)
+        percent(worst.methods.of(&SPATIAL).nrmse)
     );
     // Nothing to compare is no success.
     let dark = counted.iter().any(|state| state.views.iter().all(|view| view.pixels == 0));
@@ -112,8 +115,8 @@ fn numbers(shown: &[&(&StateFigures, &ViewFigures)], worst: &StateFigures, metri
             },
         ]);
     }
-    let ours = &worst.methods.compressed;
-    let share = ours.nrmse / worst.methods.spatial.nrmse.max(f64::MIN_POSITIVE);
+    let ours = worst.methods.of(&COMPRESSED);
+    let share = ours.nrmse / worst.methods.of(&SPATIAL).nrmse.max(f64::MIN_POSITIVE);
     numbers.push(Number {
         label: "nrmse of receivers".into(),
         value: percent(ours.nrmse),
@@ -193,11 +196,11 @@ pub(super) fn bake_section(context: &Context<'_>) -> Section {
     }
 }
 
-/// How the figures came about.
+/// How the figures came method.
 pub(super) fn method_section(context: &Context<'_>) -> Section {
     let settings = &context.settings;
     let fact = |name: &str, value: String| (name.to_owned(), value);
-    let rows = vec![
+    let mut rows = vec![
         fact("measured", format!("{} of {} receivers, one from each run of the file", context.findings.sample.len(), context.subject.len())),
         fact("bounces", format!("{} (gathers of direct-to-indirect transport; 1 is the first indirect bounce)", settings.bounces)),
         fact("reference", format!("path tracing with multiple importance sampling until the standard error is {} of the mean, at most {} paths", percent(settings.budget.error), settings.budget.most_paths)),
@@ -211,11 +214,9 @@ pub(super) fn method_section(context: &Context<'_>) -> Section {
         fact("mottling", "RMS, at pixels without an edge within three texels, of the error less its mean within a quarter of the support radius on the same surface, over the mean of E_ref there. Noise of the reference cancels between its halves, here and in the leak".into()),
         fact("FLIP", format!("mean over the pixels of the views at {} pixels per row, 67 pixels per degree (Andersson et al. 2020), with paths until FLIP between two halves of the reference is {FLIP_NOISE}, at most {} a pixel. The larger pictures on this page have {} and show grain", settings.picture_width.min(FLIP_WIDTH), settings.flip_paths, settings.picture_paths)),
         fact("all methods", "read the same probe radiance, that of the last gather of the compressed relight".into()),
-        fact("paper", "transport rows of Eq. 4, whatever the file's are".into()),
-        fact("spatial", "E = ∫ L̄ cos, L̄ = Σ wᵢ Lᵢ / Σ wᵢ (Eq. 1): probes blended by distance".into()),
-        fact("arikan", "E = Σ w (L(Γ) where |Γ − x| < r, L̄ elsewhere), r half the radius of support: the irradiance decomposition of Arikan et al. 2005 with sampled visibility and exact near light, its best case".into()),
-        fact("operator norm", "Eq. 12 with receiver fields of degree 9; sky and black backs left out".into()),
     ];
+    rows.extend(METHODS.iter().filter_map(|method| Some(fact(method.name, method.comparator?.into()))));
+    rows.push(fact("operator norm", "Eq. 12 with receiver fields of degree 9; sky and black backs left out".into()));
     Section {
         id: "method".into(),
         title: "How it was measured".into(),
