@@ -37,7 +37,10 @@ step() {
 }
 
 step cargo fmt --all --check
-if command -v python3 >/dev/null 2>&1; then step python3 scripts/structure.py >&2; fi
+if command -v python3 >/dev/null 2>&1; then
+    step python3 scripts/structure.py >&2
+    step python3 scripts/spelling.py
+fi
 step cargo clippy --release --workspace --all-targets ${features[@]+"${features[@]}"} -- -D warnings
 RUSTDOCFLAGS="-D warnings" step cargo doc --release --workspace --no-deps ${features[@]+"${features[@]}"}
 step cargo test --release --workspace --all-targets ${features[@]+"${features[@]}"}

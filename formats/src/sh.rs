@@ -129,7 +129,7 @@ impl Basis {
 
     /// Adds `weights[lane] * Y_j(direction[lane])` to `sums[j][lane]` for every function j and every lane.
     ///
-    /// Unused lanes take weight 0. The loops run over lanes innermost, so that compilers vectorise them.
+    /// Unused lanes take weight 0. The loops run over lanes innermost, so that compilers vectorize them.
     #[inline]
     pub fn accumulate(&self, directions: &Directions, weights: &[f32; LANES], sums: &mut [[f32; LANES]]) {
         let Directions { x, y, z } = directions;

@@ -155,7 +155,7 @@ fn an_independent_reader_agrees() {
     for (key, value) in expected.as_object().unwrap() {
         assert_eq!(&found[key], value, "{key}");
     }
-    // Radiance 1 everywhere that is mapped and a sky of radiance 1: probe 0 has one black ray, towards -x.
+    // Radiance 1 everywhere that is mapped and a sky of radiance 1: probe 0 has one black ray, toward -x.
     let y0 = 0.590_817_95f64;
     let y1 = 1.023_326_7f64;
     let probe_0 = [5.0 * y0, 0.0, 0.0, y1];

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3, Vec4};
 ///
 /// Texel `y * size + x` holds `(r c, g c, b c, c)` with coverage c in 0..=1, so means and bilinear reads weighted by
 /// coverage are plain sums followed by one division, and an uncovered texel can never darken a covered one.
-/// Row 0 is at v = 0; texel centres are at `(x + 0.5, y + 0.5) / size`.
+/// Row 0 is at v = 0; texel centers are at `(x + 0.5, y + 0.5) / size`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CoverageMap {
     size: u32,
@@ -24,12 +24,12 @@ impl CoverageMap {
         self.size
     }
 
-    /// `[size * size]` colour times coverage, coverage.
+    /// `[size * size]` color times coverage, coverage.
     pub fn texels(&self) -> &[Vec4] {
         &self.texels
     }
 
-    /// Colour of a texel; zero where nothing covers it or outside of the map.
+    /// Color of a texel; zero where nothing covers it or outside of the map.
     pub fn color(&self, texel: usize) -> Vec3 {
         self.texels.get(texel).and_then(|&sum| divide_by_coverage(sum)).unwrap_or(Vec3::ZERO)
     }
@@ -90,11 +90,11 @@ mod tests {
         let map = map();
         for i in 0..9 {
             let uv = Vec2::new((i % 3) as f32 + 0.5, (i / 3) as f32 + 0.5) / 3.0;
-            // uv * 3 - 0.5 is off by up to 3 ulp of 2.5 = 7.2e-7; a neighbour differs by up to 3 * 3.
+            // uv * 3 - 0.5 is off by up to 3 ulp of 2.5 = 7.2e-7; a neighbor differs by up to 3 * 3.
             let expected = i as f32 * Vec3::new(1.0, 2.0, 3.0);
             match map.sample(uv) {
                 Some(found) if i != 4 => assert!((found - expected).abs().max_element() < 1e-5, "{i}: {found}"),
-                // Rounding may give a covered neighbour a weight of 1e-7; then its value counts alone.
+                // Rounding may give a covered neighbor a weight of 1e-7; then its value counts alone.
                 Some(_) => assert_eq!(i, 4),
                 None => assert_eq!(i, 4),
             }

@@ -23,7 +23,7 @@ use std::{fmt, sync::Arc};
 /// Limit of the albedo in the feedback: leaves 5 % for a reconstruction whose gain ringing pushes above 1.
 pub const DEFAULT_FEEDBACK_ALBEDO_CAP: f32 = 0.95;
 
-/// What shines in one relight. Colours are linear Rec. 709.
+/// What shines in one relight. Colors are linear Rec. 709.
 #[derive(Clone, Copy, Debug)]
 pub struct RelightInputs<'a> {
     /// Albedo, emission and direct irradiance in the texels of the direct light map.

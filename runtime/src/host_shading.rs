@@ -66,7 +66,7 @@ pub fn irradiance_from_all_around(radiance: &RadianceDegree1, normal: Vec3) -> V
 /// SH radiance of degree 1 as one directional light in constant surroundings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DominantLight {
-    /// Unit, towards the light; zero if no direction is brighter than another.
+    /// Unit, toward the light; zero if no direction is brighter than another.
     pub dir_to_light: Vec3,
     /// Of a surface that faces the light, W m^-2.
     pub irradiance: Vec3,

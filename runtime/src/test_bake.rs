@@ -219,7 +219,7 @@ pub fn random(probe_degree: u32, receiver_degree: u32, sky_degree: u32) -> Baked
     arrays
 }
 
-/// Repeatable colours in -0.5..0.5.
+/// Repeatable colors in -0.5..0.5.
 pub fn random_colors(stream: u64, n: usize) -> Vec<Vec3> {
     let random = |counter: u64| counter_uniform(counter_hash(3, stream, 0), 1, counter) as f32 - 0.5;
     (0..n as u64).map(|i| Vec3::new(random(3 * i), random(3 * i + 1), random(3 * i + 2))).collect()

@@ -1,7 +1,7 @@
 //! Scenes and lighting for localprt.
 //!
 //! In: a glTF 2.0 file ([`load`], [`load_bytes`]) or a built-in scene ([`builtin`]). Out: a [`Scene`], flattened to world space, in
-//! metres, +Y up, right-handed, with linear Rec. 709 colours; and a [`Lighting`]: punctual lights, sky and material
+//! metres, +Y up, right-handed, with linear Rec. 709 colors; and a [`Lighting`]: punctual lights, sky and material
 //! overrides.
 
 pub mod builtin;

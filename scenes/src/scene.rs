@@ -12,7 +12,7 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Materials; never empty once a mesh refers to one (a default one is added by the importer).
     pub materials: Vec<Material>,
-    /// Textures, decoded to 8-bit RGBA as stored in the file (colour textures are still sRGB encoded).
+    /// Textures, decoded to 8-bit RGBA as stored in the file (color textures are still sRGB encoded).
     pub textures: Vec<Texture>,
     /// Images referred to by textures.
     pub images: Vec<Image>,
@@ -104,12 +104,12 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// A diffuse, possibly emissive surface. Metals are treated as diffuse with their base colour.
+/// A diffuse, possibly emissive surface. Metals are treated as diffuse with their base color.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Name, unique within the scene where the file allows; lighting files refer to it.
     pub name: String,
-    /// Linear base colour factor; alpha in w.
+    /// Linear base color factor; alpha in w.
     pub base_color: Vec4,
     /// sRGB texture times the factor.
     pub base_color_texture: Option<TextureRef>,
@@ -275,7 +275,7 @@ impl Scene {
         0.5 * (b - a).cross(c - a).length()
     }
 
-    /// Linear base colour with alpha at a point of a triangle: factor x texture x vertex colour.
+    /// Linear base color with alpha at a point of a triangle: factor x texture x vertex color.
     pub fn base_color(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> Vec4 {
         let mesh = &self.meshes[mesh];
         let material = &self.materials[mesh.material];

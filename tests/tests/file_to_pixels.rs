@@ -27,7 +27,7 @@ fn the_exported_scene_lights_like_the_one_in_memory() {
     export_glb(&baked.scene, &path).expect("written");
     baked.scene = load(&path).expect("reads");
     let after = irradiance(&baked, &lighting, 2);
-    // Normals are normalised again on import: a few ulp of direct light.
+    // Normals are normalized again on import: a few ulp of direct light.
     for (before, after) in before.iter().zip(&after) {
         assert!((*before - *after).abs().max_element() <= 1e-4 * mean([*before]).max(1e-3), "{before} {after}");
     }

@@ -45,9 +45,9 @@ fn two_specks() -> Scene {
     };
     let positions: Vec<Vec3> = [corner(-1.0), corner(1.0)].concat();
     let mut triangles = vec![[0, 1, 2], [3, 4, 5]];
-    for (triangle, towards) in triangles.iter_mut().zip([Vec3::Z, Vec3::NEG_Z]) {
+    for (triangle, toward) in triangles.iter_mut().zip([Vec3::Z, Vec3::NEG_Z]) {
         let [a, b, c] = triangle.map(|index: u32| positions[index as usize]);
-        if (b - a).cross(c - a).dot(towards) < 0.0 {
+        if (b - a).cross(c - a).dot(toward) < 0.0 {
             triangle.swap(1, 2);
         }
     }

@@ -1,6 +1,6 @@
 //! Truncated singular value decomposition; with the matrices of the fit, the only file that names faer.
 //!
-//! Randomised subspace iteration (Halko, Martinsson and Tropp 2011): a few more random directions than wanted, two power
+//! Randomized subspace iteration (Halko, Martinsson and Tropp 2011): a few more random directions than wanted, two power
 //! iterations, and the exact decomposition of the small projected matrix. What is left out is measured by the caller
 //! against the matrix itself, so that an unlucky draw shows. All of it runs on one thread: one cluster is one sequential
 //! decomposition, since faer's parallel ones are not bit-stable.

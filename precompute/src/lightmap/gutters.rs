@@ -53,7 +53,7 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
     open.iter().zip(source).map(|(&(texel, _), receiver)| (texel, receiver)).collect()
 }
 
-/// Fills the rest from neighbours of the same chart, ring by ring, and what no neighbour reaches from all receivers.
+/// Fills the rest from neighbors of the same chart, ring by ring, and what no neighbor reaches from all receivers.
 fn spread(grid: &Grid, open: &[(u32, u32)], source: &mut [u32], receivers: &ReceiverSet) {
     let mut rest: Vec<usize> = (0..open.len()).filter(|&place| source[place] == NO_RECEIVER).collect();
     while !rest.is_empty() {

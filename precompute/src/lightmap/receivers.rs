@@ -29,7 +29,7 @@ const NEAR_TEXELS: f32 = 3.0;
 const TANGENT_RAYS: u32 = 8;
 /// Texels per task.
 const TASK: usize = 4096;
-/// Other points of a texel that are tried, texels from its corner, nearest to the centre first.
+/// Other points of a texel that are tried, texels from its corner, nearest to the center first.
 const SUB_SAMPLES: [[f64; 2]; 8] = {
     const LOW: f64 = 1.0 / 6.0;
     const HIGH: f64 = 5.0 / 6.0;

@@ -320,7 +320,7 @@ fn charts_that_are_too_many_for_a_map_are_joined() {
 }
 
 #[test]
-fn a_texel_belongs_to_the_face_at_its_centre_or_the_nearest() {
+fn a_texel_belongs_to_the_face_at_its_center_or_the_nearest() {
     // A quad from (1, 1) to (3.25, 3) texels of an 8 x 8 map.
     let quad = with_uv(plane("quad", Vec3::ZERO, Vec3::X, Vec3::Z, 1, 1), |p| {
         Vec2::new(0.125 + p.x * 2.25 / 8.0, 0.125 + p.z * 0.25)
@@ -336,10 +336,10 @@ fn a_texel_belongs_to_the_face_at_its_centre_or_the_nearest() {
         let (x, y) = (texel.index % 8, texel.index / 8);
         let center = Vec2::new((x as f32 - 0.5) / 2.25, (y as f32 - 0.5) / 2.0);
         if x < 3 {
-            // The diagonal passes through one centre; the first face has it.
+            // The diagonal passes through one center; the first face has it.
             assert!(point.distance(Vec3::new(center.x, 0.0, center.y)) < 1e-6);
         } else {
-            // The centre lies off the quad, whose last quarter of a texel spans x from 0.889 to 1: its middle.
+            // The center lies off the quad, whose last quarter of a texel spans x from 0.889 to 1: its middle.
             assert!((point.x - 0.9444).abs() < 1e-3, "{point}");
         }
     }
@@ -495,7 +495,7 @@ fn seams_join_the_two_sides_of_a_smooth_surface_and_no_others() {
         set.seams.iter().map(|&(a, b)| (set.position[a as usize], set.position[b as usize])).collect();
     assert_eq!(across.len(), 32);
     for (a, b) in across {
-        // Texels of 1/16 m by 1/32 m, centres half a texel off the cut.
+        // Texels of 1/16 m by 1/32 m, centers half a texel off the cut.
         assert!((b - a - Vec3::X / 16.0).length() < 1e-5, "{a} {b}");
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Least distance to surfaces, in voxels (ANCHORS 4.9).
 const CLEARANCE: f32 = 0.25;
-/// Positions tried within a voxel: its centre, then random ones.
+/// Positions tried within a voxel: its center, then random ones.
 const POSITIONS: u64 = 5;
 /// Streams of random numbers of this file.
 const STREAM: u64 = 0x6361_6e64;
@@ -28,7 +28,7 @@ pub struct Candidates {
 /// Candidates for `target` probes: one in every open voxel that lies `layer` voxels from the nearest solid one, counted
 /// over 26 neighbors (1 is beside it), and, where the open space is narrower than that, in its middle; unless the voxel is
 /// behind surfaces (more than 25 % of the hits of 32 rays are back faces), too close to them (a quarter voxel)
-/// or out of their sight (no hit, as beside the rim of a plane) at its centre and at four random places.
+/// or out of their sight (no hit, as beside the rim of a plane) at its center and at four random places.
 ///
 /// Where voxels are far more than the probes need (64 each, and 200 000), an even share of them is tried. Where good ones
 /// are fewer than the probes, the other open voxels are tried as well; there may still be fewer candidates than probes.

@@ -28,7 +28,7 @@ pub enum Domain {
 
 /// A set of directions with the weights of every receiver output.
 ///
-/// All receivers share one set: neighbouring receivers then differ by what they see and not by where they looked, which
+/// All receivers share one set: neighboring receivers then differ by what they see and not by where they looked, which
 /// keeps transport rows of a cluster close to a low-dimensional space.
 #[derive(Clone, Debug)]
 pub struct GatherSet {

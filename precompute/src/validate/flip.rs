@@ -38,13 +38,13 @@ mod tests {
 
     #[test]
     fn equal_pictures_do_not_differ_and_black_and_white_do() {
-        let grey = picture(|x, y| 0.01 * (x + y) as f32);
-        assert_eq!(mean_flip(&grey, &grey, 0.0), 0.0);
+        let gray = picture(|x, y| 0.01 * (x + y) as f32);
+        assert_eq!(mean_flip(&gray, &gray, 0.0), 0.0);
         let (black, white) = (picture(|_, _| 0.0), picture(|_, _| 100.0));
         assert!(mean_flip(&black, &white, 0.0) > 0.9);
         // A spot differs where it is and not far from it.
         let spot = picture(|x, y| 0.01 * (x + y) as f32 + if x < 4 && y < 4 { 0.5 } else { 0.0 });
-        let values = flip(&spot, &grey, 0.0);
+        let values = flip(&spot, &gray, 0.0);
         assert!(values[0] > 0.2 && values[20 * 40 + 30] == 0.0, "{} {}", values[0], values[20 * 40 + 30]);
     }
 }

@@ -17,17 +17,14 @@
 
 use super::{lit::irradiance_weight, lobe::cosine_lobe, subject::Subject};
 use crate::{
+    probe_views::ProbeDirections,
     progress::{Cancelled, Progress},
     rays::OccluderHint,
     transport::{GatherRay, Sites, TransportLeaf},
 };
 use glam::Vec3;
-use localprt_formats::{
-    directions::spherical_fibonacci,
-    sh::{self, Basis},
-};
+use localprt_formats::sh::{self, Basis};
 use rayon::prelude::*;
-use std::f32::consts::PI;
 
 /// Degree of the receiver's field.
 pub const FIELD_DEGREE: u32 = 9;
@@ -79,12 +76,7 @@ pub fn rms_share() -> f32 {
 
 impl ProbeViews {
     fn trace(subject: &Subject<'_>, receivers: &[u32], basis: &Basis) -> Self {
-        let dirs: Vec<Vec3> = (0..RAYS).map(|ray| Vec3::from(spherical_fibonacci(ray, RAYS))).collect();
-        let mut table = vec![0.0; dirs.len() * basis.len()];
-        for (dir, values) in dirs.iter().zip(table.chunks_exact_mut(basis.len())) {
-            basis.evaluate(dir.to_array(), values);
-            values.iter_mut().for_each(|value| *value *= 4.0 * PI / RAYS as f32);
-        }
+        let directions = ProbeDirections::new(RAYS, basis);
         let mut is_needed = vec![false; subject.probe_positions().len()];
         for &probe in receivers.iter().flat_map(|&receiver| subject.supporting(receiver)) {
             is_needed[probe as usize] = true;
@@ -97,10 +89,10 @@ impl ProbeViews {
                 let hit = subject.caster.closest_hit(probe, dir)?;
                 hit.point.map(|_| SeenPoint { position: hit.position, normal: hit.normal })
             };
-            dirs.iter().map(look).collect()
+            directions.dirs.iter().map(look).collect()
         };
         let points = subject.probe_positions().par_iter().zip(&is_needed).map(see).collect();
-        Self { table, points }
+        Self { table: directions.sh, points }
     }
 }
 

@@ -146,19 +146,19 @@ mod tests {
 
     #[test]
     fn parts_add_up_and_name_their_worst() {
-        let grey = Vec3::splat;
+        let gray = Vec3::splat;
         // 200 receivers without error but for two: one unseen and in a corner, one out of band.
-        let mut truths = vec![TruthLeg { all: grey(1.0), seen: grey(1.0), dense: grey(1.0) }; 200];
-        let (mut near, mut uncompressed) = (vec![0.0; 200], vec![grey(1.0); 200]);
-        let mut compressed = vec![grey(1.0); 200];
-        truths[3] = TruthLeg { seen: grey(0.0), dense: grey(0.25), ..truths[3] };
-        (near[3], uncompressed[3]) = (0.9, grey(0.25));
-        compressed[3] = grey(0.25);
-        truths[70] = TruthLeg { dense: grey(1.5), ..truths[70] };
-        uncompressed[70] = grey(1.75);
-        compressed[70] = grey(1.875);
+        let mut truths = vec![TruthLeg { all: gray(1.0), seen: gray(1.0), dense: gray(1.0) }; 200];
+        let (mut near, mut uncompressed) = (vec![0.0; 200], vec![gray(1.0); 200]);
+        let mut compressed = vec![gray(1.0); 200];
+        truths[3] = TruthLeg { seen: gray(0.0), dense: gray(0.25), ..truths[3] };
+        (near[3], uncompressed[3]) = (0.9, gray(0.25));
+        compressed[3] = gray(0.25);
+        truths[70] = TruthLeg { dense: gray(1.5), ..truths[70] };
+        uncompressed[70] = gray(1.75);
+        compressed[70] = gray(1.875);
         let (errors, worst) =
-            parts(&truths, &near, &uncompressed, &compressed, &[grey(1.0); 200], &[grey(0.01); 200], 1.0);
+            parts(&truths, &near, &uncompressed, &compressed, &[gray(1.0); 200], &[gray(0.01); 200], 1.0);
         let rms = |squares: f64| (squares / 200.0).sqrt();
         assert!((errors.unseen - rms(1.0)).abs() < 1e-12);
         assert!((errors.band_limit - rms(0.25 * 0.25 + 0.5 * 0.5)).abs() < 1e-12);

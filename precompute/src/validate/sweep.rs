@@ -187,7 +187,7 @@ mod tests {
         assert!(matches!(sweep("transport", &["best"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("degree", &["99"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("probes", &["many"]), Err(BakeError::Settings(_))));
-        assert!(matches!(sweep("colour", &["1"]), Err(BakeError::Settings(_))));
+        assert!(matches!(sweep("color", &["1"]), Err(BakeError::Settings(_))));
         assert!(matches!(sweep("lightmap", &["64"]), Err(BakeError::Option { .. })));
     }
 }

@@ -42,7 +42,7 @@ pub struct VolumeCells {
     pub fill: Vec<[u32; 2]>,
 }
 
-/// The grid of a spacing over a box in metres: `ceil(extent / spacing) + 1` cells per axis, centred on the box.
+/// The grid of a spacing over a box in metres: `ceil(extent / spacing) + 1` cells per axis, centered on the box.
 ///
 /// # Errors
 /// [`TooManyCells`] above [`MAX_VOLUME_CELLS`].

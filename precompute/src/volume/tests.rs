@@ -15,7 +15,7 @@ fn a_grid_covers_its_box_and_no_more_than_a_spacing_beyond() {
         let rounding = 2e-5 * spacing_m + 2e-6;
         assert!((first - low).max_element() <= rounding && (high - last).max_element() <= rounding, "{grid:?}");
         assert!((low - first).max_element() <= 0.5 * spacing_m + rounding, "{grid:?}");
-        assert!(((low - first) - (last - high)).abs().max_element() <= 4e-6, "centred: {grid:?}");
+        assert!(((low - first) - (last - high)).abs().max_element() <= 4e-6, "centered: {grid:?}");
     }
     // 2 m at 0.2 m are 11 cells, although 0.2 is not a binary number.
     assert_eq!(grid((Vec3::ZERO, Vec3::splat(2.0)), 0.2, 1).expect("few cells").dims, [11; 3]);

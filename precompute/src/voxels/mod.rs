@@ -1,6 +1,6 @@
 //! The scene as voxels: solid, open (the space to light) or enclosed.
 //!
-//! First step of section 4.1. [`spacing`] settles the probe spacing rho, [`VoxelGrid::build`] rasterises every triangle
+//! First step of section 4.1. [`spacing`] settles the probe spacing rho, [`VoxelGrid::build`] rasterizes every triangle
 //! and decides which empty regions are part of the space to light. Probes are placed by [`crate::probes`].
 //!
 //! Triangles with an alpha mask count as solid throughout: a voxel is far coarser than a mask's holes, and probes are
@@ -36,7 +36,7 @@ const LEAST_VOXELS_SHORTEST: f64 = 8.0;
 const MOST_VOXELS_LONGEST: f64 = 256.0;
 /// Where probes stand closer than rho, the grid takes at most this share of [`MAX_VOXELS`] for it.
 const MOST_FOR_CLOSER: u64 = 16;
-/// Voxels are at least this many roundings of the largest coordinate, so that neighboring centres differ.
+/// Voxels are at least this many roundings of the largest coordinate, so that neighboring centers differ.
 const LEAST_ROUNDINGS: f64 = 8.0;
 
 /// What a voxel holds.
@@ -141,7 +141,7 @@ impl VoxelError {
 }
 
 impl VoxelGrid {
-    /// Rasterises a scene and finds its open space.
+    /// Rasterizes a scene and finds its open space.
     ///
     /// `rho` is the probe spacing in metres, `closest_m` the one where probes stand closest. A voxel measures `settings.voxel`, or
     /// rho / 6, less where that would not resolve the scene box (32 voxels along its longest side, 8 along its shortest), as small as
@@ -197,7 +197,7 @@ impl VoxelGrid {
         UVec3::new((index % x) as u32, (index / x % y) as u32, (index / (x * y)) as u32)
     }
 
-    /// Centre of a cell, metres.
+    /// Center of a cell, metres.
     pub fn center(&self, cell: UVec3) -> Vec3 {
         self.origin + (cell.as_vec3() + 0.5) * self.voxel_m
     }
@@ -247,7 +247,7 @@ fn voxel_size((low, high): (Vec3, Vec3), rho: f32, closest_m: f32, settings: &Ba
     Ok(voxel_m.max(smallest_m))
 }
 
-/// Smallest voxel that keeps a grid of at most so many voxels and its centres apart in f32, metres.
+/// Smallest voxel that keeps a grid of at most so many voxels and its centers apart in f32, metres.
 fn smallest_voxel(extent: DVec3, largest_coordinate: f32, most: u64) -> f32 {
     let fits = |voxel_m: f64| axis_voxels(extent, voxel_m).element_product() <= most as f64;
     // At the longest side as the voxel there are 6 voxels per axis at most; 2^26 times finer is always too much.

@@ -94,7 +94,7 @@ fn every_point_of_a_surface_is_in_a_solid_voxel_and_every_solid_voxel_touches_it
         let touched = triangles.iter().any(|corners| {
             !clipped_is_empty(corners.map(Vec3::as_dvec3), low - 1e-6 * voxel, low + voxel * (1.0 + 1e-6))
         });
-        // The two boxes differ by the margins alone, and only towards more touching.
+        // The two boxes differ by the margins alone, and only toward more touching.
         assert!(touched || !solid, "voxel {} is solid without a triangle", grid.cell(index));
     }
     // A sphere's shell: area over voxel area is 744; conservative voxels are 1.5 to 2.5 times as many.

@@ -1,4 +1,4 @@
-//! What every pass needs of wgpu: labelled buffers and pipelines, dispatches of any size, limits.
+//! What every pass needs of wgpu: labeled buffers and pipelines, dispatches of any size, limits.
 
 mod copy_bandwidth;
 pub mod readback;

@@ -127,7 +127,7 @@ fn specular_peaks_at_the_mirror_direction() {
 }
 
 /// Integral over the hemisphere about +Y by the midpoint rule in the squared sine of the half angle and azimuth,
-/// crowded towards the pole as lobes are.
+/// crowded toward the pole as lobes are.
 fn over_hemisphere(value: impl Fn(Vec3) -> f64) -> f64 {
     let (rings, columns) = (2000, 64);
     let mut sum = 0.0;

@@ -18,7 +18,7 @@ fn linear_group(group: vec3u, groups: vec3u) -> u32 {
     return group.x + group.y * groups.x;
 }
 
-// Colour of texels stored times coverage; zero where nothing is covered. Twin: CoverageMap::sample.
+// Color of texels stored times coverage; zero where nothing is covered. Twin: CoverageMap::sample.
 fn divide_by_coverage(sum: vec4f) -> vec3f {
     return select(vec3f(0.0), sum.rgb / sum.a, sum.a > 0.0);
 }

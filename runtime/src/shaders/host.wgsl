@@ -74,7 +74,7 @@ fn localprt_band_from_all_around(c0: f32, linear: vec3f, normal: vec3f) -> f32 {
 
 // SH radiance of degree 1 as one directional light in constant surroundings.
 struct LocalprtDominantLight {
-    // Unit, towards the light; zero if no direction is brighter than another.
+    // Unit, toward the light; zero if no direction is brighter than another.
     dir_to_light: vec3f,
     // On a surface that faces the light.
     irradiance: vec3f,

@@ -133,7 +133,7 @@ fn maps_of_the_gpu_are_those_of_the_twin() {
             let at = |x: usize, y: usize| expected.depth[y.min(width - 1) * width + x.min(width - 1)];
             let neighbors = [at(x + 1, y), at(x.saturating_sub(1), y), at(x, y + 1), at(x, y.saturating_sub(1))];
             let steps = neighbors.map(|depth| (depth - expected_depth).abs());
-            // Rasterisers may snap corners to 1 / 256 texel before they interpolate, which moves a surface by up to
+            // Rasterizers may snap corners to 1 / 256 texel before they interpolate, which moves a surface by up to
             // half of that in x and y, and so its depth by that part of its change to the next texel. And f32
             // planes over 512 texels: 512 * 2^-24 = 3e-5 of that change, less than 1 / 256.
             let slope = steps.iter().copied().fold(0.0, f32::max);

@@ -87,4 +87,4 @@ pub use target::{OffscreenTarget, WHITE};
 pub use tone::ToneMap;
 pub use viewpoint::Viewpoint;
 pub use viewport::{CameraMode, Viewport};
-pub use views::{GREY_ALBEDO, ViewKind};
+pub use views::{GRAY_ALBEDO, ViewKind};

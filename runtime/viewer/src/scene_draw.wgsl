@@ -37,7 +37,7 @@ const VIEW_DIRECT = 2u;
 const VIEW_INDIRECT = 3u;
 const VIEW_MAP = 4u;
 // Of surfaces that show light alone.
-const GREY_ALBEDO = 0.5;
+const GRAY_ALBEDO = 0.5;
 // Bytes 40 and 128 of sRGB: what is no part of a map, and surfaces where the map has nothing.
 const BACKDROP = vec3f(0.021219);
 const NO_TEXEL = vec3f(0.215861);
@@ -161,13 +161,13 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
     return vec4f(min(viewed(emission, albedo, direct.irradiance, indirect, mirrored), vec3f(LARGEST)), 1.0);
 }
 
-// Radiance as the view has it: all of it, or parts on grey surfaces.
+// Radiance as the view has it: all of it, or parts on gray surfaces.
 fn viewed(emission: vec3f, albedo: vec3f, direct: vec3f, indirect: vec3f, mirrored: vec3f) -> vec3f {
-    let grey = GREY_ALBEDO / LOCALPRT_PI;
+    let gray = GRAY_ALBEDO / LOCALPRT_PI;
     switch frame.view {
-        case VIEW_LIGHTING: { return emission + grey * (direct + indirect); }
-        case VIEW_DIRECT: { return grey * direct; }
-        case VIEW_INDIRECT: { return grey * indirect; }
+        case VIEW_LIGHTING: { return emission + gray * (direct + indirect); }
+        case VIEW_DIRECT: { return gray * direct; }
+        case VIEW_INDIRECT: { return gray * indirect; }
         case VIEW_MAP: { return BACKDROP; }
         default: { return emission + albedo / LOCALPRT_PI * (direct + indirect) + mirrored; }
     }

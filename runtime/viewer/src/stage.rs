@@ -156,7 +156,7 @@ mod tests {
         let mut stage = Stage::default();
         stage.add_door(&door, &Turn::new((Vec3::ZERO, Vec3::ONE), 0.0));
         let OccluderShape::Box { center, .. } = stage.occluders[0].shape else { panic!("a box") };
-        // Opened by 90 degrees from +X about +Y: towards -Z.
+        // Opened by 90 degrees from +X about +Y: toward -Z.
         assert!(center.abs_diff_eq(Vec3::new(1.0, 1.0, 1.6), 1e-5), "{center}");
         let end = stage.objects[0].to_world.transform_point3(Vec3::new(1.0, -1.0, 0.0));
         assert!(end.abs_diff_eq(Vec3::new(1.0, 0.0, 1.2), 1e-5), "{end}");

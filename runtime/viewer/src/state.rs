@@ -267,7 +267,7 @@ pub const BLUE_SKY: Sky = Sky::Gradient {
     ground: Vec3::new(0.4, 0.36, 0.32),
 };
 
-/// How far towards what the eye looks at new things are put.
+/// How far toward what the eye looks at new things are put.
 const NEW_AHEAD: f32 = 0.7;
 /// How far beside the middle of the picture, as a share of that distance.
 const NEW_BESIDE: f32 = 0.12;

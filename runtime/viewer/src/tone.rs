@@ -11,7 +11,7 @@ pub enum ToneMap {
     /// Each band by itself, white at [`WHITE`](crate::WHITE). Source: Reinhard et al. 2002, Eq. (4).
     #[default]
     Reinhard,
-    /// Colors below 0.8 as they are, brighter ones towards white. Source: Khronos PBR Neutral Tone Mapper, 2024.
+    /// Colors below 0.8 as they are, brighter ones toward white. Source: Khronos PBR Neutral Tone Mapper, 2024.
     Neutral,
     /// Highlights lose their color as in film: the base look of AgX by Troy Sobotka, without a look on top. Source: the
     /// matrices and the polynomial of degree 6 (mean squared error 3.7e-6) of Benjamin Wrensch, "Minimal AgX

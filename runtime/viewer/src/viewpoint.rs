@@ -79,7 +79,7 @@ impl Viewpoint {
         self.to_world.w_axis += step.extend(0.0);
     }
 
-    /// Goes towards the focus, to this share of its distance.
+    /// Goes toward the focus, to this share of its distance.
     pub fn approach(&mut self, share: f32, nearest_m: f32) {
         let focus = self.focus();
         self.focus_m = (self.focus_m * share).max(nearest_m);

@@ -25,7 +25,7 @@ pub enum ViewKind {
 }
 
 /// Albedo of surfaces that show light alone.
-pub const GREY_ALBEDO: f32 = 0.5;
+pub const GRAY_ALBEDO: f32 = 0.5;
 
 impl ViewKind {
     /// All, in the order of menus.
@@ -65,9 +65,9 @@ impl ViewKind {
     pub fn about(self) -> &'static str {
         match self {
             Self::Final => "surfaces in their colors under all light",
-            Self::Lighting => "all light on grey surfaces, emission included",
-            Self::Direct => "direct light alone on grey surfaces",
-            Self::Indirect => "indirect light alone on grey surfaces",
+            Self::Lighting => "all light on gray surfaces, emission included",
+            Self::Direct => "direct light alone on gray surfaces",
+            Self::Indirect => "indirect light alone on gray surfaces",
             Self::Unseen => "share of the light around a receiver that no supporting probe sees",
             Self::Clusters => "clusters of receivers, in colors without meaning",
             Self::Coefficients => "singular values kept per cluster: what the receiver costs",

@@ -8,7 +8,7 @@ use localprt_formats::BakedArrays;
 use localprt_runtime::{DirectLight, Relighter, RelighterOptions, SceneTexels, ShadowCasters};
 use localprt_scenes::{Light, LightKind, Material, Mesh, Scene, Sky};
 use localprt_viewer::{
-    DrawOptions, GREY_ALBEDO, Legend, MovingObject, ObjectShape, OffscreenTarget, ReceiverMap, SceneDraw, Specular,
+    DrawOptions, GRAY_ALBEDO, Legend, MovingObject, ObjectShape, OffscreenTarget, ReceiverMap, SceneDraw, Specular,
     ToneMap, View, ViewKind,
 };
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -145,15 +145,15 @@ fn direct_and_indirect_light_add_up_to_lighting() {
     let mut radiance = |view| stage.picture(view, 1.0, ToneMap::Clamp).0;
     let (all, lighting) = (radiance(ViewKind::Final), radiance(ViewKind::Lighting));
     let (direct, indirect) = (radiance(ViewKind::Direct), radiance(ViewKind::Indirect));
-    let grey = GREY_ALBEDO / PI;
-    close(direct[MIDDLE], Vec3::splat(grey * LUX));
-    close(indirect[MIDDLE], grey * INDIRECT);
-    close(lighting[MIDDLE], EMISSION + grey * (INDIRECT + LUX));
+    let gray = GRAY_ALBEDO / PI;
+    close(direct[MIDDLE], Vec3::splat(gray * LUX));
+    close(indirect[MIDDLE], gray * INDIRECT);
+    close(lighting[MIDDLE], EMISSION + gray * (INDIRECT + LUX));
     // Mirrored light is in the final picture alone.
     let diffuse = EMISSION + Vec3::new(0.8, 0.25, 1.0) / PI * (INDIRECT + LUX);
     assert!(all[MIDDLE].cmpgt(1.01 * diffuse).all(), "{}", all[MIDDLE]);
     let object_at = MIDDLE - (SIZE / 4) as usize;
-    assert!(lighting[object_at].x > 2.0 * all[object_at].x, "it is grey in the view, and darker than that itself");
+    assert!(lighting[object_at].x > 2.0 * all[object_at].x, "it is gray in the view, and darker than that itself");
     for index in 0..all.len() {
         let glow = if index == object_at { Vec3::ZERO } else { EMISSION };
         let is_floor = indirect[index] == indirect[MIDDLE];

@@ -106,7 +106,7 @@ pub(super) fn build() -> Scene {
     Scene {
         meshes,
         materials: materials(),
-        // Through the window towards +X, as far as the partition.
+        // Through the window toward +X, as far as the partition.
         lights: vec![sun(Vec3::new(-0.8, -0.5, 0.2))],
         cameras: vec![
             camera("room", Vec3::new(-0.7, 1.6, 2.2), Vec3::new(1.7, 0.9, -1.0), 62.0),

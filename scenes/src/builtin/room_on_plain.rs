@@ -28,7 +28,7 @@ const OUTSIDE: [Vec3; 2] = [Vec3::new(-4.25, GROUND, -5.25), Vec3::new(4.25, 3.2
 const SILL: f32 = 0.8;
 const WINDOW_HEAD: f32 = 2.4;
 const DOOR: [Vec3; 2] = [Vec3::new(-4.25, 0.0, -3.3), Vec3::new(-4.0, 2.1, -2.3)];
-/// Windows towards +X by their ends along z, and the one towards -Z along x.
+/// Windows toward +X by their ends along z, and the one toward -Z along x.
 const SUNNY_WINDOWS: [[f32; 2]; 2] = [[-3.2, -1.2], [0.6, 2.6]];
 const FAR_WINDOW: [f32; 2] = [0.9, 2.7];
 /// Width and depth of the bars in the windows.
@@ -55,7 +55,7 @@ pub(super) fn build() -> Scene {
     meshes.extend(windows());
     meshes.push(beams());
     meshes.push(table());
-    // Where a chair stands, and where it looks: degrees from +Z towards +X.
+    // Where a chair stands, and where it looks: degrees from +Z toward +X.
     let chairs = [
         (0.2, -1.15, 93.0),
         (0.17, 0.3, 86.0),
@@ -73,7 +73,7 @@ pub(super) fn build() -> Scene {
     Scene {
         meshes,
         materials: materials(),
-        // Through the windows towards +X, over the table.
+        // Through the windows toward +X, over the table.
         lights: vec![sun(Vec3::new(-0.9, -0.38, 0.22))],
         cameras: vec![camera("room", Vec3::new(-2.7, 1.6, 3.9), Vec3::new(0.75, 0.95, -1.4), 56.0)],
         ..Scene::default()
@@ -144,7 +144,7 @@ fn house() -> Vec<Mesh> {
     parts.map(mesh).into()
 }
 
-/// A lattice of bars in the middle of the wall in each window, without the faces towards the reveals.
+/// A lattice of bars in the middle of the wall in each window, without the faces toward the reveals.
 fn windows() -> Vec<Mesh> {
     let lattice = |name: &str, ends: [f32; 2], panes: usize, place: &dyn Fn(f32, f32, f32) -> Vec3| {
         let block = |low: Vec3, high: Vec3| [low.min(high), low.max(high)];
@@ -210,7 +210,7 @@ fn table() -> Mesh {
     standing("table", OAK, &boxes, &[])
 }
 
-/// Stands on the origin and looks towards +Z.
+/// Stands on the origin and looks toward +Z.
 fn chair(name: &str) -> Mesh {
     let (half, seat, top) = (0.22, 0.46, 0.95);
     let mut boxes = vec![[Vec3::new(-half, seat - 0.03, -half), Vec3::new(half, seat, half)]];
@@ -314,7 +314,7 @@ fn standing(name: &str, material: usize, boxes: &[[Vec3; 2]], holes: &[[Vec3; 2]
     shape.into_mesh(name, material, None)
 }
 
-/// Turned about +Y, from +Z towards +X, and moved.
+/// Turned about +Y, from +Z toward +X, and moved.
 fn placed(mut mesh: Mesh, to: Vec3, degrees: f32) -> Mesh {
     let (sin, cos) = sin_cos(degrees.to_radians());
     let turned = |at: Vec3| Vec3::new(at.x * cos + at.z * sin, at.y, at.z * cos - at.x * sin);

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Errors of one method against the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MethodError {
-    /// `sqrt(mean((E - E_ref)^2)) / mean(E_ref)` over receivers and colour bands.
+    /// `sqrt(mean((E - E_ref)^2)) / mean(E_ref)` over receivers and color bands.
     pub nrmse: f64,
     /// Median over receivers of `|E - E_ref| / max(E_ref, 0.05 mean E_ref)`, of luminance.
     pub median_relative: f64,
@@ -144,7 +144,7 @@ mod tests {
         // Errors 0 0 3, -1 -1 -1: squares sum to 12 over 6 values; mean 2.
         assert!((error.nrmse - 2.0f64.sqrt() / 2.0).abs() < 1e-12);
         assert!((error.bias - 0.0).abs() < 1e-12);
-        // Luminances: 1 + 3 x 0.0722 against 1, and 2 against 3. Weights are f64, colours exact.
+        // Luminances: 1 + 3 x 0.0722 against 1, and 2 against 3. Weights are f64, colors exact.
         assert!((error.median_relative - 3.0 * 0.0722).abs() < 1e-9);
         assert!((error.p95_relative - 1.0 / 3.0).abs() < 1e-9);
         assert_eq!(MethodError::of(&reference, &reference), Some(MethodError::default()));

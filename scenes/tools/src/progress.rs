@@ -2,7 +2,8 @@
 //!
 //! One [`Progress`] is shared by all threads of a command. Stages show a bar with a time estimate on a terminal and plain
 //! lines otherwise, on standard error. What was done, how long it took and what was warned of is kept for the report.
-//! Libraries take `&Progress` too; [`Progress::silent`] shows nothing.
+//! Libraries take `&Progress` too; [`Progress::silent`] shows nothing. Stages, notes and warnings are events of `tracing` as well,
+//! with the target `localprt`: a program that bakes has them in its own log.
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,9 @@ use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// Target of all events.
+const TARGET: &str = "localprt";
 
 /// How much to say on standard error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -50,7 +54,6 @@ pub struct Progress {
 #[derive(Default)]
 struct Record {
     stages: Vec<StageTime>,
-    counters: Vec<(String, u64)>,
     warnings: Vec<String>,
 }
 
@@ -110,13 +113,14 @@ impl Progress {
 
     /// Starts a stage of `total` steps (0 if not known); it ends when the guard is dropped.
     pub fn stage(&self, name: &str, total: u64) -> StageGuard<'_> {
+        tracing::debug!(target: TARGET, stage = name, total, "started");
         let mut record = self.record();
         record.stages.push(StageTime { name: name.to_owned(), seconds: 0.0 });
         let index = record.stages.len() - 1;
         drop(record);
         let bar = self.bars.as_ref().map(|bars| bars.add(new_bar(name, total)));
         if bar.is_none() {
-            self.note(&format!("{name} ..."));
+            self.show(&format!("{name} ..."));
         }
         let now = Instant::now();
         let shown = Mutex::new(Shown { at: now, done: 0 });
@@ -134,6 +138,11 @@ impl Progress {
 
     /// A line for the user, unless quiet.
     pub fn note(&self, text: &str) {
+        tracing::info!(target: TARGET, "{text}");
+        self.show(text);
+    }
+
+    fn show(&self, text: &str) {
         if self.verbosity > Verbosity::Quiet {
             line(self.bars.as_ref(), text);
         }
@@ -141,6 +150,7 @@ impl Progress {
 
     /// A line for the curious: shown with `-v`.
     pub fn detail(&self, text: &str) {
+        tracing::debug!(target: TARGET, "{text}");
         if self.verbosity > Verbosity::Normal {
             line(self.bars.as_ref(), text);
         }
@@ -148,22 +158,9 @@ impl Progress {
 
     /// Something the user should know although the work goes on. Goes into the report as well.
     pub fn warn(&self, text: &str) {
+        tracing::warn!(target: TARGET, "{text}");
         self.record().warnings.push(text.to_owned());
-        self.note(&format!("warning: {text}"));
-    }
-
-    /// Adds to a counter of the report.
-    pub fn count(&self, name: &str, amount: u64) {
-        let mut record = self.record();
-        match record.counters.iter_mut().find(|(held, _)| held == name) {
-            Some((_, value)) => *value += amount,
-            None => record.counters.push((name.to_owned(), amount)),
-        }
-    }
-
-    /// Value of a counter; 0 if nothing was counted.
-    pub fn counter(&self, name: &str) -> u64 {
-        self.record().counters.iter().find(|(held, _)| held == name).map_or(0, |&(_, value)| value)
+        self.show(&format!("warning: {text}"));
     }
 
     /// Seconds since this was made.
@@ -231,7 +228,7 @@ impl StageGuard<'_> {
         *shown = Shown { at: now, done };
         let left = time_left(self.started.elapsed(), done, self.total);
         let percent = 100 * done.min(self.total) / self.total;
-        self.progress.note(&format!("{}: {percent} %, about {} left", self.name, duration(left)));
+        self.progress.show(&format!("{}: {percent} %, about {} left", self.name, duration(left)));
     }
 }
 
@@ -246,7 +243,8 @@ impl Drop for StageGuard<'_> {
             }
         }
         if !std::thread::panicking() && !self.progress.is_cancelled() {
-            self.progress.note(&format!("{}: {seconds:.1} s", self.name));
+            tracing::info!(target: TARGET, stage = self.name, seconds, "done");
+            self.progress.show(&format!("{}: {seconds:.1} s", self.name));
         }
     }
 }
@@ -311,16 +309,47 @@ mod tests {
         assert!(stages[0].seconds >= stages[1].seconds);
     }
 
+    /// What a program's log gets: level and fields of each event.
+    #[derive(Clone, Default)]
+    struct Log(Arc<Mutex<Vec<String>>>);
+
+    impl tracing::Subscriber for Log {
+        fn enabled(&self, metadata: &tracing::Metadata<'_>) -> bool {
+            metadata.target() == TARGET
+        }
+        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+            tracing::span::Id::from_u64(1)
+        }
+        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+        fn event(&self, event: &tracing::Event<'_>) {
+            let mut text = event.metadata().level().to_string();
+            event.record(&mut |field: &tracing::field::Field, value: &dyn std::fmt::Debug| {
+                if field.name() != "seconds" {
+                    text.push_str(&format!(" {field}={value:?}"));
+                }
+            });
+            self.0.lock().expect("no panic elsewhere").push(text);
+        }
+        fn enter(&self, _: &tracing::span::Id) {}
+        fn exit(&self, _: &tracing::span::Id) {}
+    }
+
     #[test]
-    fn counters_add_up_over_threads() {
-        let progress = Progress::silent();
-        std::thread::scope(|scope| {
-            for _ in 0..4 {
-                scope.spawn(|| (0..100).for_each(|_| progress.count("rays", 3)));
-            }
+    fn a_program_has_stages_and_warnings_in_its_own_log() {
+        let log = Log::default();
+        tracing::subscriber::with_default(log.clone(), || {
+            let progress = Progress::silent();
+            drop(progress.stage("voxelize", 3));
+            progress.warn("much of it is unseen");
         });
-        assert_eq!(progress.counter("rays"), 1200);
-        assert_eq!(progress.counter("other"), 0);
+        let found = log.0.lock().expect("no panic elsewhere").clone();
+        let expected = [
+            r#"DEBUG message=started stage="voxelize" total=3"#,
+            r#"INFO message=done stage="voxelize""#,
+            "WARN message=much of it is unseen",
+        ];
+        assert_eq!(found, expected);
     }
 
     #[test]

@@ -12,7 +12,7 @@ const BORDER: f32 = 1e-5;
 const STARVED: f64 = 1e-3;
 /// ...and may make up this share of the surface.
 const MOST_STARVED: f64 = 0.01;
-/// A texel centre counts as covered when it is this deep inside a face, texels: neighbours share their border.
+/// A texel center counts as covered when it is this deep inside a face, texels: neighbors share their border.
 const DEPTH: f64 = 1e-3;
 /// Map sizes that are tried for a number of texels.
 const SIZES: usize = 3;
@@ -20,7 +20,7 @@ const SIZES: usize = 3;
 const BAND: u32 = 32;
 
 /// Whether TEXCOORD_1 gives every receiver a texel of its own at this size: every mesh has it, within 0..=1, no texel
-/// centre is covered by two faces (but neighbours in a chart), and hardly any surface is left without texels.
+/// center is covered by two faces (but neighbors in a chart), and hardly any surface is left without texels.
 /// `Ok(Ok(texels))` is the size of the receiver map to use it at, `Ok(Err(reason))` says why it cannot be used.
 ///
 /// Front and back of a double-sided face share their texel in such a layout.
@@ -87,7 +87,7 @@ fn map_size(scene: &Scene, atlas: &Atlas, size: LayoutSize, surface_m2: f64, on_
     rounded(side.min(finest))
 }
 
-/// The first two faces that hold the same texel centre without being neighbours.
+/// The first two faces that hold the same texel center without being neighbors.
 fn overlap(scene: &Scene, atlas: &Atlas, size: u32) -> Option<(u32, u32)> {
     let faces: Vec<(usize, usize)> = scene.faces().collect();
     let footprints: Vec<Option<Footprint>> = atlas.corners.par_iter().map(|&uv| Footprint::new(uv, size)).collect();

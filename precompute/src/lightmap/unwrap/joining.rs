@@ -5,7 +5,7 @@ use glam::{IVec3, Vec2, Vec3};
 use localprt_surfaces::Sets;
 use std::collections::HashMap;
 
-/// Bilinear taps of the two sides of a wall reach so many texels towards each other.
+/// Bilinear taps of the two sides of a wall reach so many texels toward each other.
 const TAPS: f32 = 2.0;
 /// Cosine of the angle between walls that count as parallel.
 const PARALLEL: f32 = 0.7;

@@ -84,7 +84,7 @@ impl ViewLight {
 }
 
 impl PixelLight {
-    /// Radiance towards the camera with some indirect irradiance.
+    /// Radiance toward the camera with some indirect irradiance.
     pub fn radiance(&self, indirect: Vec3) -> Vec3 {
         self.other + self.albedo / PI * indirect
     }

@@ -43,13 +43,13 @@ impl SkySampler {
         (edge(row) - edge(row + 1)) * TAU / self.width as f64
     }
 
-    /// A direction towards the sky, uniform within its pixel.
+    /// A direction toward the sky, uniform within its pixel.
     pub(super) fn sample(&self, which: f64, [u, v]: [f64; 2]) -> Vec3 {
         let index = self.pixels.choose(which);
         let (column, row) = (index % self.width, index / self.width);
         let edge = |row: usize| (PI * row as f64 / self.height as f64).cos();
         let height = edge(row) + v * (edge(row + 1) - edge(row));
-        // Column 0 begins at -Z and columns grow towards +X; a positive rotation turns the picture the other way round.
+        // Column 0 begins at -Z and columns grow toward +X; a positive rotation turns the picture the other way round.
         let azimuth = (column as f64 + u) / self.width as f64 * TAU - self.turn;
         let across = (1.0 - height * height).max(0.0).sqrt();
         DVec3::new(across * azimuth.sin(), height, -across * azimuth.cos()).as_vec3().normalize()

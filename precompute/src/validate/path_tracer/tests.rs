@@ -68,7 +68,7 @@ fn square(half: f32, height: f32, up: bool) -> [Vec3; 4] {
     if up { corners } else { [corners[3], corners[2], corners[1], corners[0]] }
 }
 
-fn grey(albedo: f32, emission: f32) -> Material {
+fn gray(albedo: f32, emission: f32) -> Material {
     Material {
         base_color: Vec4::new(albedo, albedo, albedo, 1.0),
         emission: Vec3::splat(emission),
@@ -104,7 +104,7 @@ fn a_glowing_box_follows_its_series() {
 #[test]
 fn a_glowing_sphere_is_a_furnace_whatever_its_polygons() {
     let mut scene = builtin::scene("sphere").expect("built in");
-    scene.materials[0] = grey(FURNACE_ALBEDO, FURNACE_EMISSION);
+    scene.materials[0] = gray(FURNACE_ALBEDO, FURNACE_EMISSION);
     let lighting = Lighting { lights: vec![], ..Lighting::of_scene(&scene) };
     // Two facets.
     let points: Vec<SurfacePoint> = [5, 3000]
@@ -122,7 +122,7 @@ fn a_lit_square_shines_by_its_form_factor() {
     // The sun puts 5 lux on a floor of albedo 0.6: radiance 3 / pi, seen from one meter above and askew.
     let scene = Scene {
         meshes: vec![horizontal("floor", square(1.5, 0.0, true), 0)],
-        materials: vec![grey(0.6, 0.0)],
+        materials: vec![gray(0.6, 0.0)],
         ..Scene::default()
     };
     let sun = Light {
@@ -159,7 +159,7 @@ fn a_glowing_disc_shines_by_its_form_factor() {
         let mut disc = Mesh { normals: vec![Vec3::NEG_Y; N as usize + 1], ..Mesh::default() };
         disc.triangles = (0..N).map(|i| [N, i, (i + 1) % N]).collect();
         disc.positions = rim.iter().copied().chain([Vec3::Y]).collect();
-        let scene = Scene { meshes: vec![disc], materials: vec![grey(0.0, 3.0)], ..Scene::default() };
+        let scene = Scene { meshes: vec![disc], materials: vec![gray(0.0, 3.0)], ..Scene::default() };
         assert!(scene.geometric_normal(0, 0).y < 0.0, "the disc faces down");
         let squared = f64::from(radius) * f64::from(radius);
         let expected = PI64 * 3.0 * squared / (squared + 1.0);
@@ -235,7 +235,7 @@ fn a_sun_in_a_sky_image_is_found() {
     let scene = Scene {
         // Far below, so that the scene has a surface.
         meshes: vec![horizontal("floor", square(0.5, -5.0, true), 0)],
-        materials: vec![grey(0.0, 0.0)],
+        materials: vec![gray(0.0, 0.0)],
         ..Scene::default()
     };
     let expected = PI64 + 50_000.0 * solid_angle * polar.cos();
@@ -244,8 +244,8 @@ fn a_sun_in_a_sky_image_is_found() {
     assert_agrees(&estimates, expected, 1e-4);
     // And where it was put: column 100.5 turned back by 30 degrees.
     let azimuth = 100.5 / 512.0 * 2.0 * PI64 - 30f64.to_radians();
-    let towards = DVec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos()).as_vec3();
-    let away = SurfacePoint { normal: -towards, geometric_normal: -towards, ..UP };
+    let toward = DVec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos()).as_vec3();
+    let away = SurfacePoint { normal: -toward, geometric_normal: -toward, ..UP };
     let estimates = estimate(&scene, &lighting, 1, &[away], 65_536);
     // The floor hides 1 m^2 in 25 of what is behind.
     assert!(estimates.irradiance[0].x < 3.2, "{estimates:?}");

@@ -9,7 +9,7 @@ override N_SH: u32;
 
 const LANES: u32 = 64u;
 const ROWS: u32 = 8u;
-// One more than LANES, so that sums of neighbouring rows lie in different banks.
+// One more than LANES, so that sums of neighboring rows lie in different banks.
 const STRIDE: u32 = 65u;
 
 struct Params {

@@ -52,7 +52,7 @@ pub fn cluster_projection(
     });
 }
 
-/// Decoded row and input vector, one per colour band.
+/// Decoded row and input vector, one per color band.
 #[derive(Default)]
 struct Scratch {
     row: Vec<f32>,

@@ -1,4 +1,4 @@
-// Level 0 of the light map from a map of outgoing radiance that the host made: colour times coverage, coverage in alpha.
+// Level 0 of the light map from a map of outgoing radiance that the host made: color times coverage, coverage in alpha.
 // Dispatch: one invocation per texel, workgroups of 8 x 8.
 
 @group(0) @binding(0) var host_map: texture_2d<f32>;

@@ -107,12 +107,12 @@ mod tests {
         let mut previous = CoverageMap::uncovered(2);
         previous.texels_mut()[0] = Vec3::splat(1.0).extend(1.0);
         previous.texels_mut()[1] = Vec3::splat(5.0).extend(1.0);
-        // Texel 6 of 4 x 4 has its centre at uv (0.625, 0.375), that is (0.75, 0.25) between the centres of 2 x 2; the
+        // Texel 6 of 4 x 4 has its center at uv (0.625, 0.375), that is (0.75, 0.25) between the centers of 2 x 2; the
         // lower row is uncovered and takes no part.
         let found = outgoing(&one_texel(0.5, 0.0, 0.0), Some(&previous));
         // Places are stored to half of 1/65535: 2 texels by 4 of irradiance, 4 * 2 / 131070 of 4 at most.
         assert!((found / (0.5 / PI * (0.25 * 1.0 + 0.75 * 5.0)) - 1.0).abs() <= 2e-5, "{found}");
-        // In a map of another layout its place is given: the centre of the left texel above.
+        // In a map of another layout its place is given: the center of the left texel above.
         let elsewhere = SurfaceTexels { lightmap_uv: vec![pack_uv([0.25, 0.25])], ..one_texel(0.5, 0.0, 0.0) };
         assert!((outgoing(&elsewhere, Some(&previous)) / (0.5 / PI) - 1.0).abs() <= 7e-5);
         assert_eq!(

@@ -1,7 +1,7 @@
 // Up to four mip levels at once: coverage-weighted means of 2 x 2 texels of the level below.
 // Dispatch: one workgroup per 16 x 16 texels of the level below. Twin: reference.rs, lightmap_mips().
 //
-// Texels hold colour times coverage, coverage; a mean of four is a plain sum. Levels have half the size of the level
+// Texels hold color times coverage, coverage; a mean of four is a plain sum. Levels have half the size of the level
 // below, rounded up, and live in a texture whose levels are at least that wide; texels beyond hold 0.
 
 struct Params {

@@ -40,7 +40,7 @@ fn halve(below: &CoverageMap, above: &mut CoverageMap) {
         let second = second.get(..size_below).unwrap_or_default();
         for (x, texel) in row.iter_mut().enumerate() {
             let at = |row: &[Vec4], x: usize| row.get(x).copied().unwrap_or(Vec4::ZERO);
-            // Colours are stored times coverage: their mean is the weighted sum, divided when read.
+            // Colors are stored times coverage: their mean is the weighted sum, divided when read.
             *texel = 0.25 * (at(first, 2 * x) + at(first, 2 * x + 1) + at(second, 2 * x) + at(second, 2 * x + 1));
         }
     });

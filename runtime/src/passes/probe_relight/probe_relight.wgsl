@@ -28,7 +28,7 @@ struct Params {
     first_probe: u32,
 }
 
-// Kinds: 0 sphere (a centre, size.x radius), 1 box (a centre, size half extents, rotation world to box as a
+// Kinds: 0 sphere (a center, size.x radius), 1 box (a center, size half extents, rotation world to box as a
 // quaternion), 2 capsule (a and b ends, size.x radius).
 struct Occluder {
     a: vec3f,

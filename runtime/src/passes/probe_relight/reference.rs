@@ -16,7 +16,7 @@ const LANES: usize = 8;
 
 /// Sets `probe_radiance[probe * n_sh + j] = sum over rays of ray_sh[ray][j] * radiance(probe, ray)`, RGB.
 ///
-/// A ray with level l reads level l of `light_map` bilinearly at its uv: texel centres at `(i + 0.5) / size_l`, clamped
+/// A ray with level l reads level l of `light_map` bilinearly at its uv: texel centers at `(i + 0.5) / size_l`, clamped
 /// at the border, taps weighted by coverage. It is black if none of its taps is covered; a level beyond the last reads
 /// the last. Rays that leave the scene read `sky_rays[ray]`, W sr^-1 m^-2, or are black if `sky_rays` is empty; rays that
 /// hit something without light are black. A ray that meets an occluder before what it was baked to hit has the radiance

@@ -1,4 +1,4 @@
-//! CPU twin of the shadow map: a rasteriser by the rules of Vulkan, and the read of four texels.
+//! CPU twin of the shadow map: a rasterizer by the rules of Vulkan, and the read of four texels.
 
 use super::{NO_MASK, ShadowCasters, ShadowView};
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};

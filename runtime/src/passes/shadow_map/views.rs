@@ -16,7 +16,7 @@ pub const MIN_SHADOW_MAP_SIZE: u32 = 16;
 /// 1.125 / 2 (1 + sqrt(2 + 2 T^2)) is 2.9 for the widest spot, 1.7 for a cube's face. Its taps are one texel farther.
 const BORDER_TEXELS: f32 = 4.0;
 
-/// Part by which receivers are moved farther than a flat surface needs: for the 1/256 texel to which rasterisers snap
+/// Part by which receivers are moved farther than a flat surface needs: for the 1/256 texel to which rasterizers snap
 /// vertices, and for the footprint to grow on the way.
 const OFFSET_MARGIN: f32 = 1.125;
 

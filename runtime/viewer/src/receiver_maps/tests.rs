@@ -2,7 +2,7 @@ use super::*;
 use localprt_formats::{BakedArrays, BlockArrays, ClusterRecord, Metadata, TransportBlock};
 use localprt_tools::reference_file::ReferencePoint;
 
-const GREY: [u8; 4] = [128, 128, 128, 255];
+const GRAY: [u8; 4] = [128, 128, 128, 255];
 const NOTHING: [u8; 4] = [0; 4];
 
 /// Four texels a side. Cluster 0: a row of receivers 0 to 3 in the first row, x = 0 to 3 m; cluster 1: receivers 4 and 5
@@ -176,7 +176,7 @@ fn errors_are_relative_and_spread_within_the_cluster() {
     assert_eq!([0, 1, 2, 3].map(|at| texel(&map, at)), [ramp(0.25), ramp(0.25), ramp(1.0), ramp(1.0)]);
     // Nothing is measured in the other clusters: the nearest one around speaks for what faces the same way.
     assert_eq!([4, 5, 8].map(|at| texel(&map, at)), [ramp(0.25); 3]);
-    assert_eq!(texel(&map, 15), GREY);
+    assert_eq!(texel(&map, 15), GRAY);
     assert!(map.legend.note.ends_with("at 2 of 7 receivers; 3 bounces under noon"), "{}", map.legend.note);
 }
 

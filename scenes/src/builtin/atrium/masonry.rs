@@ -86,9 +86,9 @@ fn slabs() -> Shape {
 /// Flat piers on the outer walls behind every column, on both floors.
 fn pilasters() -> Shape {
     let mut shape = Shape::default();
-    for (storey, springing) in SPRINGING.iter().enumerate() {
-        let foot = LEVELS[storey];
-        let top = LEVELS[storey + 1] - SLAB_THICKNESS[storey] + EMBED;
+    for (story, springing) in SPRINGING.iter().enumerate() {
+        let foot = LEVELS[story];
+        let top = LEVELS[story + 1] - SLAB_THICKNESS[story] + EMBED;
         let mut pilaster = |at: Vec2, size: Vec2| {
             let foot = Vec3::new(at.x, foot - EMBED, at.y);
             shape.block_at(foot, Vec3::new(size.x, top - foot.y, size.y));
@@ -110,14 +110,14 @@ fn pilasters() -> Shape {
 /// Walls on arches around the court, on both floors, and the piers at their corners.
 fn arcades() -> Shape {
     let mut shape = Shape::default();
-    for (storey, springing) in SPRINGING.iter().enumerate() {
-        let top = LEVELS[storey + 1] - SLAB_THICKNESS[storey] - LEVELS[storey] + EMBED;
+    for (story, springing) in SPRINGING.iter().enumerate() {
+        let top = LEVELS[story + 1] - SLAB_THICKNESS[story] - LEVELS[story] + EMBED;
         for (along_z, half_length, offset) in [(false, LINE[0], LINE[1]), (true, LINE[1], LINE[0])] {
             let bays = (2.0 * half_length / BAY).round() as usize;
             let lower_edge = arches(half_length, bays, ARCH_RADIUS, *springing, ARCH_SEGMENTS);
             for side in [-offset, offset] {
                 let origin = if along_z { Vec3::new(side, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, side) };
-                let origin = origin + Vec3::Y * LEVELS[storey];
+                let origin = origin + Vec3::Y * LEVELS[story];
                 let half_thickness = HALF_ARCADE;
                 shape.wall(&Wall { origin, along_z, half_thickness, lower_edge: &lower_edge, top });
             }
@@ -133,11 +133,11 @@ fn arcades() -> Shape {
 
 fn columns() -> Shape {
     let mut shape = Shape::default();
-    for (storey, springing) in SPRINGING.iter().enumerate() {
+    for (story, springing) in SPRINGING.iter().enumerate() {
         // The upper order is more slender.
-        let width = if storey == 0 { 1.0 } else { 0.88 };
+        let width = if story == 0 { 1.0 } else { 0.88 };
         for at in column_places() {
-            let foot = Vec3::new(at.x, LEVELS[storey], at.y);
+            let foot = Vec3::new(at.x, LEVELS[story], at.y);
             let (plinth, abacus) = (0.14, springing - 0.26);
             shape.block_at(foot - Vec3::Y * EMBED, Vec3::new(0.56 * width, plinth + EMBED, 0.56 * width));
             let profile = column_profile(abacus - plinth + 2.0 * EMBED, width);

@@ -1,4 +1,4 @@
-//! A two-storey court with arcades on all sides, open to the sky, 24 x 14.4 x 12 m: stone with real thickness, cloth
+//! A two-story court with arcades on all sides, open to the sky, 24 x 14.4 x 12 m: stone with real thickness, cloth
 //! that is lit from both sides, plants with alpha masks.
 //!
 //! Every solid part is closed and reaches a little into its neighbors: no light passes between them, and no visible

@@ -32,7 +32,7 @@ pub struct Atlas {
 pub struct Texel {
     /// `y * size + x`.
     pub index: u32,
-    /// The face that covers the sample point (the texel centre, or the nearest covered point of the texel).
+    /// The face that covers the sample point (the texel center, or the nearest covered point of the texel).
     pub face: FaceId,
     /// Its mesh.
     pub mesh: u32,

@@ -82,7 +82,7 @@ impl Footprint {
         self.barycentrics(point).min_element() >= 0.0
     }
 
-    /// Distance from the centre of a texel to the nearest point of the triangle within the texel, and a sample point: the middle of
+    /// Distance from the center of a texel to the nearest point of the triangle within the texel, and a sample point: the middle of
     /// what the texel holds of the triangle, for which it stands. On a strip narrower than a texel that is its middle, not one of
     /// its borders. `None` if the texel holds nothing of it.
     pub fn sample_in(&self, x: u32, y: u32) -> Option<(f64, DVec2)> {

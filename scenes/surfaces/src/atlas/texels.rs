@@ -12,8 +12,8 @@ pub(super) const BAND: u32 = 32;
 /// No face, and no texel.
 pub(super) const NOBODY: u32 = u32::MAX;
 
-/// Covers a map of `size` texels per side. Every texel that a face touches is listed once. A texel whose centre lies on
-/// a face belongs to it, to the lowest of several; any other to the touching face with the point nearest to the centre.
+/// Covers a map of `size` texels per side. Every texel that a face touches is listed once. A texel whose center lies on
+/// a face belongs to it, to the lowest of several; any other to the touching face with the point nearest to the center.
 pub fn cover(scene: &Scene, atlas: &Atlas, size: u32) -> TexelMap {
     let faces: Vec<(u32, u32)> = scene.faces().map(|(mesh, triangle)| (mesh as u32, triangle as u32)).collect();
     let bands = bands(atlas, size);
@@ -83,7 +83,7 @@ pub(super) fn bands(atlas: &Atlas, size: u32) -> Vec<Vec<u32>> {
 #[derive(Clone, Copy)]
 struct Cell {
     face: u32,
-    /// From the texel centre to the face, texels; 0 if the face holds it.
+    /// From the texel center to the face, texels; 0 if the face holds it.
     distance: f32,
     sample: [f32; 2],
 }
@@ -92,7 +92,7 @@ fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, me
     let n_rows = BAND.min(size - first_row);
     let nothing = Cell { face: NOBODY, distance: f32::INFINITY, sample: [0.0; 2] };
     let mut cells = vec![nothing; (n_rows * size) as usize];
-    // Centres first: most texels are settled by them, and cutting faces to texels is the dear part.
+    // Centers first: most texels are settled by them, and cutting faces to texels is the dear part.
     for_each_touch(atlas, size, first_row, members, |face, footprint, x, y| {
         let cell = &mut cells[((y - first_row) * size + x) as usize];
         if cell.face == NOBODY && footprint.contains(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) {
@@ -105,7 +105,7 @@ fn cover_band(atlas: &Atlas, faces: &[(u32, u32)], size: u32, first_row: u32, me
             return;
         }
         if let Some((distance, sample)) = footprint.sample_in(x, y) {
-            // Never 0: that marks a held centre.
+            // Never 0: that marks a held center.
             let distance = (distance as f32).max(f32::MIN_POSITIVE);
             if distance < cell.distance {
                 let within = sample - DVec2::new(f64::from(x), f64::from(y));

@@ -70,8 +70,8 @@ impl Emitters {
         (self.triangles[index].face, a * weights[0] + b * weights[1] + c * weights[2])
     }
 
-    /// What a ray towards a sample meets, and the density per steradian of samples there; `None` where something else is
-    /// in the way, or the face does not emit towards `origin`. Traces one ray.
+    /// What a ray toward a sample meets, and the density per steradian of samples there; `None` where something else is
+    /// in the way, or the face does not emit toward `origin`. Traces one ray.
     pub fn meet(
         &self,
         caster: &RayCaster<'_>,

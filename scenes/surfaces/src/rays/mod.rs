@@ -1,5 +1,5 @@
 //! Ray queries against a scene: the ray-cast operator Γ ([`RayCaster::closest_hit`]) and visibility V
-//! ([`RayCaster::visible`]) of the paper's section 3.2, with alpha masks honoured in both.
+//! ([`RayCaster::visible`]) of the paper's section 3.2, with alpha masks honored in both.
 //!
 //! A geometric triangle has two sides. Each side is a face of the scene that receives and sends light, or nothing: the
 //! back of a one-sided surface still blocks, and is black. A double-sided face without a twin of opposite winding

@@ -9,16 +9,16 @@ use std::f32::consts::PI;
 pub struct Surfaces<'a> {
     scene: &'a Scene,
     shading: SurfaceShading<'a>,
-    grey: Option<f32>,
+    gray: Option<f32>,
 }
 
 impl<'a> Surfaces<'a> {
-    /// The lighting gives overrides only. With `grey`, 0..=1, every surface has that albedo: shows light alone.
-    pub fn new(scene: &'a Scene, lighting: &Lighting, grey: Option<f32>) -> Self {
-        Self { scene, shading: SurfaceShading::new(scene, lighting), grey }
+    /// The lighting gives overrides only. With `gray`, 0..=1, every surface has that albedo: shows light alone.
+    pub fn new(scene: &'a Scene, lighting: &Lighting, gray: Option<f32>) -> Self {
+        Self { scene, shading: SurfaceShading::new(scene, lighting), gray }
     }
 
-    /// Radiance that leaves a hit towards the ray's origin: Le + albedo/pi (E_direct + E_indirect).
+    /// Radiance that leaves a hit toward the ray's origin: Le + albedo/pi (E_direct + E_indirect).
     ///
     /// `direct` gives the irradiance straight from the lights at a position and unit normal, `indirect` the irradiance at
     /// a lightmap coordinate (TEXCOORD_1). The back of a one-sided surface is black.
@@ -30,7 +30,7 @@ impl<'a> Surfaces<'a> {
     ) -> Vec3 {
         let Some(point) = hit.point else { return Vec3::ZERO };
         let (mesh, triangle, weights) = (&self.scene.meshes[point.mesh], point.triangle, point.barycentrics);
-        let albedo = self.grey.map_or_else(|| self.shading.albedo(point.mesh, triangle, weights), Vec3::splat);
+        let albedo = self.gray.map_or_else(|| self.shading.albedo(point.mesh, triangle, weights), Vec3::splat);
         let indirect = mesh.lightmap_uv().map_or(Vec3::ZERO, |set| {
             let corners = mesh.triangles[triangle].map(|vertex| set[vertex as usize]);
             indirect(corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z)
@@ -70,8 +70,8 @@ mod tests {
         let surfaces = Surfaces::new(&scene, &lighting, None);
         let expected = Vec3::new(0.5 * 3.0 / PI, 0.25 * 3.125 / PI, 2.0 + 3.375 / PI);
         close(surfaces.radiance(&hit, direct, indirect), expected);
-        let grey = Surfaces::new(&scene, &lighting, Some(1.0));
-        close(grey.radiance(&hit, |_, _| Vec3::ZERO, indirect), Vec3::new(0.0, 0.125 / PI, 2.0 + 0.375 / PI));
+        let gray = Surfaces::new(&scene, &lighting, Some(1.0));
+        close(gray.radiance(&hit, |_, _| Vec3::ZERO, indirect), Vec3::new(0.0, 0.125 / PI, 2.0 + 0.375 / PI));
         let own = MaterialOverride { albedo: Some(Vec3::ZERO), emission: Some(Vec3::X) };
         lighting.materials.insert(scene.materials[0].name.clone(), own);
         close(Surfaces::new(&scene, &lighting, None).radiance(&hit, direct, indirect), Vec3::X);

@@ -41,7 +41,7 @@ fn automatic(pixels: &[Vec3]) -> f32 {
     (0.18f32.log2() - mean_log2 as f32).min(highlights)
 }
 
-/// Exposed linear value to display-linear 0..=1, each colour band alone: x (1 + x / WHITE^2) / (1 + x), 1 from WHITE on.
+/// Exposed linear value to display-linear 0..=1, each color band alone: x (1 + x / WHITE^2) / (1 + x), 1 from WHITE on.
 ///
 /// Source: Reinhard et al. 2002, Photographic Tone Reproduction for Digital Images, Eq. (4).
 pub fn tone_curve(value: f32) -> f32 {
