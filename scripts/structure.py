@@ -14,7 +14,6 @@ CRATES = ["formats", "scenes", "scenes/surfaces", "scenes/tools", "runtime", "pr
 # Cycles that are left to cut.
 KNOWN = {
     ("runtime/viewer", "app, panel, viewport"),
-    ("runtime/viewer", "web, window"),
 }
 
 

@@ -42,6 +42,8 @@ mod open_bake;
 mod options;
 mod overlay_shapes;
 mod overlays;
+#[cfg(target_arch = "wasm32")]
+mod page;
 mod panel;
 mod receiver_maps;
 #[cfg(not(target_arch = "wasm32"))]

@@ -49,7 +49,7 @@ pub struct WindowOptions {
     pub started: Instant,
     /// Where a page wants it, and what the page hears of it.
     #[cfg(target_arch = "wasm32")]
-    pub page: crate::web::Page,
+    pub page: crate::page::Page,
 }
 
 /// Opens the window and stays until it is closed.
