@@ -171,17 +171,33 @@ pub struct BlockArrays {
 }
 
 impl BlockArrays {
-    /// A list of one block; `positions` are those of its receivers.
-    pub fn of_one(block: &TransportBlock, positions: &[[f32; 3]]) -> Self {
+    /// A list of one block: see [`BlockArrays::push`].
+    ///
+    /// # Panics
+    /// As there.
+    pub fn of_one(block: &TransportBlock, positions: &[[f32; 3]], n_k: usize) -> Self {
         let mut blocks = Self::default();
-        blocks.push(block, positions);
+        blocks.push(block, positions, n_k);
         blocks
     }
 
-    /// Appends a block; `positions` are those of its receivers, in metres. Whether the arrays agree is checked when they are
-    /// written.
-    pub fn push(&mut self, block: &TransportBlock, positions: &[[f32; 3]]) {
+    /// Appends a block; `positions` are those of its receivers, in metres, and `n_k` is the number of outputs of each. Whether
+    /// what is in the arrays agrees is checked when they are written.
+    ///
+    /// # Panics
+    /// If arrays that are to have the same length, or one that follows from another's, do not: nothing in the file would tell.
+    pub fn push(&mut self, block: &TransportBlock, positions: &[[f32; 3]], n_k: usize) {
         let NearArrays { tiles, nodes, counts, links, weights } = &block.near;
+        let n_counts = if tiles.is_empty() { 0 } else { positions.len() };
+        assert_eq!((counts.len(), weights.len()), (n_counts, links.len() * n_k), "counts and weights of near light");
+        assert!(
+            (block.projection.len() | block.reconstruction.len()).is_multiple_of(2),
+            "matrices are padded to pairs"
+        );
+        let longest = [positions.len(), block.cluster_probes.len(), block.projection.len(), block.reconstruction.len()];
+        let shorter = [nodes.len(), links.len(), tiles.len(), block.clusters.len()];
+        let fits = |len: &usize| u32::try_from(*len).is_ok();
+        assert!(longest.iter().chain(&shorter).all(fits), "a block has less than 2^32 of everything");
         let parts: [&[u8]; 9] = [
             bytemuck::cast_slice(&block.clusters),
             bytemuck::cast_slice(&block.cluster_probes),

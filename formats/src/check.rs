@@ -54,7 +54,7 @@ pub fn check_invariants(view: &BakedView<'_>) -> Result<(), Violation> {
 }
 
 impl BakedArrays {
-    /// The arrays with every rule checked: what relighters take.
+    /// The arrays with every rule checked but those of checksums and hashes of blocks: what relighters take.
     ///
     /// # Errors
     /// The first broken rule.

@@ -1,4 +1,4 @@
-//! Blocks of transport: rules 50 to 54 of their table, which opening checks, and 55 to 59 and 80 to 89 of what is in them, which
+//! Blocks of transport: rules 50 to 54 of their table, which opening checks, and 55 to 59 and 81 to 89 of what is in them, which
 //! are checked when a block is first used.
 
 use crate::baked::MAX_LEVEL;
@@ -30,16 +30,24 @@ pub(crate) fn check_table(blocks: Blocks<'_>, positions: &[[f32; 3]], shape: Sha
             return fail(51, format!("{of}block {i}: ends at byte {end}, there are {present}"));
         }
         let bounds = bounds_of(&positions[first_receiver as usize..receiver as usize]);
-        if bounds != record.bounds {
+        // To the bit, as everything: -0 is not 0.
+        if bytemuck::bytes_of(&bounds) != bytemuck::bytes_of(&record.bounds) {
             let found = record.bounds;
             return fail(52, format!("{of}block {i}: box is {found:?}, that of its receivers is {bounds:?}"));
         }
         if record.reserved != [0; 6] {
             return fail(53, format!("{of}block {i}: reserved is {:?}, must be 0", record.reserved));
         }
-        if record.n_tiles == 0 && (record.n_nodes, record.n_links) != (0, 0) {
-            let (nodes, links) = (record.n_nodes, record.n_links);
-            return fail(54, format!("{of}block {i}: {nodes} nodes and {links} links without a tile"));
+        if (record.n_tiles == 0) != (record.n_links == 0) || (record.n_tiles == 0 && record.n_nodes > 0) {
+            let (tiles, nodes, links) = (record.n_tiles, record.n_nodes, record.n_links);
+            return fail(54, format!("{of}block {i}: {tiles} tiles, {nodes} nodes, {links} links: all or none"));
+        }
+        // Each has a receiver at least. Readers make room for as many before they look at them.
+        for (rule, name, found) in [(55, "clusters", record.n_clusters), (81, "tiles", record.n_tiles)] {
+            if found > record.n_receivers {
+                let most = record.n_receivers;
+                return fail(rule, format!("{of}block {i}: {found} {name} for {most} receivers"));
+            }
         }
     }
     if receiver != positions.len() as u64 {
@@ -51,7 +59,7 @@ pub(crate) fn check_table(blocks: Blocks<'_>, positions: &[[f32; 3]], shape: Sha
     Ok(())
 }
 
-/// Rules 55 to 59 and 80 to 87 of one block of a table that has been checked: its arrays.
+/// Rules 55 to 59 and 81 to 87 of one block of a table that has been checked: its arrays.
 pub(crate) fn check_block<'a>(blocks: Blocks<'a>, index: usize, shape: Shape) -> Result<BlockParts<'a>, Violation> {
     let Some((parts, padding)) = blocks.parts(index, shape.n_k) else {
         return fail(51, format!("{}block {index}: its bytes are not there", shape.of));
@@ -160,7 +168,7 @@ fn check_matrix<'a>(cluster: usize, name: &str, values: &'a [f16], n_values: u64
     Ok(rest)
 }
 
-/// Rules 80 to 86: near light of the block, if there is any.
+/// Rules 81 to 86: near light of the block, if there is any.
 fn check_near(record: &BlockRecord, parts: &BlockParts<'_>, shape: Shape) -> Result<(), Violation> {
     let (mut receivers, mut nodes, mut n_links) = (0u64, 0u64, 0u64);
     for (i, tile) in parts.tiles.iter().enumerate() {

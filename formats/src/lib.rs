@@ -35,7 +35,7 @@
 //!     receiver_position: vec![[0.0, 0.0, 0.0]],
 //!     receiver_normal: vec![[0.0, 1.0, 0.0]],
 //!     receiver_unseen: vec![0.0],
-//!     blocks: BlockArrays::of_one(&block, &[[0.0, 0.0, 0.0]]),
+//!     blocks: BlockArrays::of_one(&block, &[[0.0, 0.0, 0.0]], 1),
 //!     ..BakedArrays::default()
 //! };
 //!

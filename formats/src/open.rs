@@ -85,7 +85,8 @@ impl Baked {
         Ok(Checked::of_tables(self.view())?)
     }
 
-    /// One block of the lightmap's transport, checked: for readers that do not need all of them at once.
+    /// One block of the lightmap's transport, checked: for readers that do not need all of them at once. Its lights are numbered from
+    /// the block's first.
     ///
     /// # Errors
     /// [`OpenError::Invalid`] with the broken rule.
@@ -96,8 +97,7 @@ impl Baked {
         let view = self.view();
         let before = Blocks { records: &view.blocks.records[..index], ..view.blocks };
         let first_receiver = before.total(|block| block.n_receivers) as usize;
-        let first_light = before.total(|block| block.n_lights) as usize;
-        Ok(block(view.blocks, index, first_receiver, first_light, view.shape())?)
+        Ok(block(view.blocks, index, first_receiver, 0, view.shape())?)
     }
 
     /// Facts of the bake.

@@ -73,10 +73,10 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
 
     // Probes, what supports whom, and what each sees.
     let placed = Placed::of(&caster, space, receivers, volume, settings, progress)?;
-    let views = Views::of(&caster, &atlas, &laid_out, &placed.probes, settings, progress)?;
+    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, settings, progress)?;
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
-    let transported = Transported::of(&caster, receivers, &placed, &views, settings, progress)?;
+    let transported = Transported::of(&caster, receivers, &placed, &mut views, settings, progress)?;
 
     let stage = progress.stage("assemble", 0);
     let finished = Finished {

@@ -148,7 +148,7 @@ pub struct LinkFacts {
 }
 
 impl LinkFacts {
-    /// Of the links of those receivers that have any.
+    /// Of the links of each receiver, over all; `counts` may leave out those without.
     pub fn of(counts: impl Iterator<Item = u8>, n_receivers: usize) -> Self {
         let (sum, max) = counts.fold((0, 0), |(sum, max), count| (sum + u64::from(count), count.max(max)));
         Self { mean: sum as f64 / n_receivers.max(1) as f64, max: max.into() }
@@ -286,11 +286,8 @@ impl VolumeFacts {
             invalid: volume.grid.n_cells() - receivers,
             filled: volume.fill.len() as u64,
             clusters: volume.blocks.total(|block| block.n_clusters),
-            bytes: (size_of_val(volume.grid)
-                + size_of_val(volume.cells)
-                + size_of_val(volume.blocks.records)
-                + size_of_val(volume.blocks.data)
-                + size_of_val(volume.fill)) as u64,
+            bytes: (size_of_val(volume.grid) + size_of_val(volume.cells) + size_of_val(volume.fill)) as u64
+                + volume.blocks.byte_count(volume.grid.n_k()),
         }
     }
 }

@@ -68,7 +68,7 @@ pub fn furnace(probe_degree: u32) -> BakedArrays {
     let mut block = TransportBlock::default();
     let record = ClusterRecord { n_receivers: 16, n_probes: 2, n_sky: 0, n_coefficients: 1 };
     block.push(record, &[0, 1], &projection, &[f16::ONE; 16]);
-    arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position);
+    arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position, 1);
     arrays
 }
 
@@ -84,7 +84,7 @@ pub fn set_blocks(arrays: &mut BakedArrays, blocks: &[TransportBlock]) {
     let mut first = 0;
     for block in blocks {
         let end = first + block.n_receivers();
-        arrays.blocks.push(block, &arrays.receiver_position[first..end]);
+        arrays.blocks.push(block, &arrays.receiver_position[first..end], arrays.metadata.n_k());
         first = end;
     }
 }
@@ -131,6 +131,10 @@ pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
         }
         block.near = near;
     }
+    // Some blocks have none.
+    if let [first, _, ..] = &mut all[..] {
+        first.near = NearArrays::default();
+    }
     set_blocks(&mut arrays, &all);
     arrays
 }
@@ -174,7 +178,7 @@ pub fn furnace_volume(probe_degree: u32, degree: u32) -> BakedArrays {
 /// A volume of one block.
 pub fn volume(grid: VolumeGrid, cells: Vec<u32>, block: &TransportBlock, fill: Vec<[u32; 2]>) -> VolumeArrays {
     let positions: Vec<_> = cells.iter().map(|&cell| grid.position(cell as usize)).collect();
-    VolumeArrays { grid, blocks: BlockArrays::of_one(block, &positions), cells, fill }
+    VolumeArrays { grid, blocks: BlockArrays::of_one(block, &positions, grid.n_k()), cells, fill }
 }
 
 /// Half of `pi / (sqrt(4 pi))`, rounded to f16: two probes with `lambda_00 = sqrt(4 pi) L` give `pi L`.

@@ -71,13 +71,13 @@ pub fn minimal() -> BakedArrays {
         receiver_position: positions.to_vec(),
         receiver_normal: vec![[0.0, 1.0, 0.0]; 3],
         receiver_unseen: vec![0.0, 0.125, 1.0],
-        blocks: BlockArrays::of_one(&block, &positions),
+        blocks: BlockArrays::of_one(&block, &positions, 1),
         gutters: vec![[4, 0], [7, 1]],
         seams: vec![[0, 2]],
         volume: Some(VolumeArrays {
             grid,
             cells: cells.to_vec(),
-            blocks: BlockArrays::of_one(&of_volume, &cells.map(|cell| grid.position(cell as usize))),
+            blocks: BlockArrays::of_one(&of_volume, &cells.map(|cell| grid.position(cell as usize)), grid.n_k()),
             fill: vec![[0, 1], [5, 4]],
         }),
         report: r#"{"receivers":3}"#.into(),
@@ -114,7 +114,7 @@ fn changed(
     let mut stored = BlockArrays::default();
     let mut first = 0;
     for (block, count) in all.iter().zip(counts) {
-        stored.push(block, &positions[first..first + count]);
+        stored.push(block, &positions[first..first + count], n_k);
         first += count;
     }
     stored
@@ -255,7 +255,7 @@ fn blocks(
         if has_near {
             block.near = near(sizes.seed, metadata, first as u32..end as u32);
         }
-        stored.push(&block, &positions[first..end]);
+        stored.push(&block, &positions[first..end], n_k);
         first = end;
     }
     stored

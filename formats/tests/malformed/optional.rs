@@ -1,4 +1,4 @@
-//! Rules 70 to 86: what some files have, a volume and near light.
+//! Rules 70 to 77 and 81 to 86: what some files have, a volume and near light.
 
 use super::*;
 
@@ -32,8 +32,9 @@ fn volume_rules_refuse() {
     // Degree 2 needs nine rows a receiver.
     assert_eq!(volume(&|volume| volume.grid.degree = 2), 58);
     assert_eq!(block(&|block| block.reconstruction[0] = half::f16::NAN), 59);
-    let tile = NearTile { n_receivers: 2, ..NearTile::default() };
-    let near = NearArrays { tiles: vec![tile], counts: vec![0; 2], ..NearArrays::default() };
+    let tile = NearTile { n_receivers: 2, n_nodes: 1, n_links: 1, scale: 1.0 };
+    let near =
+        NearArrays { tiles: vec![tile], nodes: vec![0], counts: vec![1, 0], links: vec![0], weights: vec![0; 4] };
     assert_eq!(block(&|block| block.near = near.clone()), 77);
     assert_eq!(volume(&|volume| volume.blocks.records[0].checksum ^= 1), 88);
     assert_eq!(volume(&|volume| volume.blocks.records[0].hash[0] ^= 1), 89);
@@ -86,9 +87,14 @@ fn a_volume_is_whole_or_absent() {
 
 #[test]
 fn near_light_rules_refuse() {
+    let tile = |n_receivers, n_nodes, n_links| NearTile { n_receivers, n_nodes, n_links, scale: 1.0 };
     let near =
         |change: &dyn Fn(&mut NearArrays)| invariant(|arrays| change_block(arrays, 0, |block| change(&mut block.near)));
-    assert_eq!(near(&|near| near.tiles.clear()), 54);
+    let without_tiles = |near: &mut NearArrays| (near.tiles.clear(), near.counts.clear());
+    assert_eq!(near(&|near| without_tiles(near).0), 54);
+    // Tiles of receivers without a link.
+    let empty = NearArrays { tiles: vec![tile(3, 0, 0)], counts: vec![0; 3], ..NearArrays::default() };
+    assert_eq!(near(&|near| *near = empty.clone()), 54);
     // A tile without receivers, one with more than there are, and one too few.
     assert_eq!(near(&|near| near.tiles[1].n_receivers = 0), 81);
     assert_eq!(near(&|near| near.tiles[1].n_receivers = 2), 81);
@@ -128,9 +134,11 @@ fn near_light_rules_refuse() {
         sky_degree: 0,
         report: false,
     });
-    let tiles = vec![NearTile { n_receivers: 65, ..NearTile::default() }];
+    let tiles = vec![tile(65, 1, 1)];
     change_block(&mut arrays, 0, |block| {
-        block.near = NearArrays { tiles, counts: vec![0; 65], ..NearArrays::default() };
+        let (links, weights, nodes) = (vec![0], vec![0], vec![0]);
+        let counts = (0..65).map(|receiver| u8::from(receiver == 0)).collect();
+        block.near = NearArrays { tiles, nodes, counts, links, weights };
     });
     assert!(matches!(to_bytes(&arrays), Err(WriteError::Invalid(violation)) if violation.rule == 81));
 }

@@ -6,14 +6,14 @@ use super::{
     transported::Transported,
 };
 use crate::{probes::ProbeSet, relight_rays::RelightRays, settings::BakeSettings};
-use localprt_formats::{BakedArrays, BlockArrays, Metadata, Probe};
+use localprt_formats::{BakedArrays, BlockArrays, Metadata, Probe, sh};
 
-/// Blocks of all leaves as stored; `position` is by receiver.
-pub(super) fn stored_blocks(leaves: &[LeafTransport], position: impl Fn(u32) -> [f32; 3]) -> BlockArrays {
+/// Blocks of all leaves as stored, one leaf after the other; `position` is by receiver, and `n_k` the number of outputs of each.
+pub(super) fn stored_blocks(leaves: Vec<LeafTransport>, n_k: usize, position: impl Fn(u32) -> [f32; 3]) -> BlockArrays {
     let mut blocks = BlockArrays::default();
     for leaf in leaves {
         let positions: Vec<_> = leaf.members.iter().map(|&member| position(member)).collect();
-        blocks.push(&leaf.block, &positions);
+        blocks.push(&leaf.block, &positions, n_k);
     }
     blocks
 }
@@ -49,7 +49,8 @@ pub(super) fn assemble(
         arrays.receiver_normal.push(receivers.normal[member].to_array());
     }
     arrays.receiver_unseen = leaves.iter().flat_map(|leaf| leaf.unseen.iter().copied()).collect();
-    arrays.blocks = stored_blocks(&leaves, |member| receivers.position[member as usize].to_array());
+    let n_k = sh::function_count(settings.receiver_degree);
+    arrays.blocks = stored_blocks(leaves, n_k, |member| receivers.position[member as usize].to_array());
     arrays.gutters = receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
     arrays.seams = receivers
         .seams

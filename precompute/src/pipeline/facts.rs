@@ -67,7 +67,7 @@ impl Finished<'_> {
             receivers,
             probes: &placed.probes,
             unseen: &transported.unseen(receivers.len()),
-            direct_texels: views.texels.texels.len(),
+            direct_texels: views.direct_texels,
         }
         .facts(settings.receivers);
         budget::warnings(&budget.views).iter().for_each(|warning| progress.warn(warning));

@@ -36,7 +36,7 @@ impl Transported {
         caster: &RayCaster<'_>,
         receivers: &ReceiverSet,
         placed: &Placed,
-        views: &Views,
+        views: &mut Views,
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
@@ -53,10 +53,10 @@ impl Transported {
             fit: views.fit.as_ref(),
             near: None,
         };
-        let near = settings.near_bytes_in_force().map(|bytes| {
+        // The texels are many, and nothing else needs them.
+        let near = settings.near_bytes_in_force().zip(views.light_map.take()).map(|(bytes, (atlas, texels))| {
             let _stage = progress.stage("near light", 0);
-            NearField::new(caster, views.light_map.clone(), &views.texels, &placed.probes, &placed.support)
-                .within(bytes, &transport)
+            NearField::new(caster, atlas, &texels, &placed.probes, &placed.support).within(bytes, &transport)
         });
         let transport = TransportScene { near: near.as_ref(), ..transport };
         let refining = RefineSettings {
@@ -107,11 +107,12 @@ fn volume_transport(
     let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
     let leaves = local_transport(&transport, refining, leaf, "volume transport", progress)?;
     let cell = |member: u32| cells.cells[member as usize];
+    let rays = leaves.iter().map(|leaf| leaf.rays).sum();
     let volume = VolumeArrays {
         grid: cells.grid,
         cells: stored_members(&leaves).into_iter().map(cell).collect(),
-        blocks: stored_blocks(&leaves, |member| cells.grid.position(cell(member) as usize)),
+        blocks: stored_blocks(leaves, cells.grid.n_k(), |member| cells.grid.position(cell(member) as usize)),
         fill: cells.fill.clone(),
     };
-    Ok((volume, leaves.iter().map(|leaf| leaf.rays).sum()))
+    Ok((volume, rays))
 }

@@ -22,10 +22,10 @@ pub(super) struct Views {
     pub(super) rays: RelightRays,
     /// `None` for rows of the paper.
     pub(super) fit: Option<FitScene>,
-    /// Layout of the direct light map.
-    pub(super) light_map: Atlas,
-    /// Its texels that rays may read.
-    pub(super) texels: TexelMap,
+    /// Layout of the direct light map, and its texels that rays may read, until near light has been found.
+    pub(super) light_map: Option<(Atlas, TexelMap)>,
+    /// Number of these texels.
+    pub(super) direct_texels: usize,
 }
 
 impl Views {
@@ -59,6 +59,8 @@ impl Views {
         let (rays, seen): (Vec<_>, Vec<_>) = views.into_iter().unzip();
         let fit = prior.map(|prior| FitScene::of(caster, prior, &directions, seen.into_iter().flatten().collect()));
         progress.check()?;
-        Ok(Self { rays: RelightRays::of_all(directions, rays), fit, light_map, texels })
+        let direct_texels = texels.texels.len();
+        let rays = RelightRays::of_all(directions, rays);
+        Ok(Self { rays, fit, light_map: Some((light_map, texels)), direct_texels })
     }
 }

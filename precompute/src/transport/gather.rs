@@ -94,6 +94,11 @@ impl GatherSet {
         Self { directions, looked_up, to_sky, domain, receiver_degree }
     }
 
+    /// Whether they go in all directions.
+    pub fn is_sphere(&self) -> bool {
+        self.domain == Domain::Sphere
+    }
+
     /// Directions, about +Z or in world axes.
     pub fn directions(&self) -> &[Vec3] {
         &self.directions

@@ -123,7 +123,16 @@ impl std::iter::Sum for RayCounts {
 
 impl TransportScene<'_> {
     /// The leaf of the receivers `members`. A pure function of its arguments.
+    ///
+    /// # Panics
+    /// If the gather set is not one for receivers of this kind.
     pub fn leaf(&self, members: &[u32]) -> TransportLeaf {
+        let is_open = matches!(self.receivers, Receivers::Open(_));
+        assert_eq!(
+            is_open,
+            self.gather.is_sphere(),
+            "all directions count to points in the open, half of them to surfaces"
+        );
         let mut probes: Vec<u32> =
             members.iter().flat_map(|&member| self.support.of(member as usize)).copied().collect();
         probes.sort_unstable();

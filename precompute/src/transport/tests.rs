@@ -38,7 +38,7 @@ fn point((position, normal): (Vec3, Vec3)) -> SurfacePoint {
     SurfacePoint { position, normal, geometric_normal: normal }
 }
 
-/// Rows of receivers given as `(position, normal)` with every probe supporting each.
+/// Rows of receivers given as `(position, normal)` with every probe supporting each; without normals, of points in the open.
 pub(super) struct Setup {
     receivers: ReceiverSet,
     probes: ProbeSet,
@@ -102,7 +102,10 @@ impl Setup {
             fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
         let transport = TransportScene {
             caster: &caster,
-            receivers: Receivers::Surface(&self.receivers),
+            receivers: match self.receivers.normal.iter().all(|normal| *normal == Vec3::ZERO) {
+                true => Receivers::Open(&self.receivers.position),
+                false => Receivers::Surface(&self.receivers),
+            },
             probes: &self.probes,
             support: &self.support,
             gather,

@@ -111,7 +111,7 @@ pub fn bake(shape: Shape, surface: &SurfaceTexels) -> BakedArrays {
             let probes: Vec<u32> = (first..first + shape.probes_per_cluster).collect();
             block.push(record, &probes, &weights(2, cluster, n_projection), &weights(3, cluster, n_reconstruction));
         }
-        arrays.blocks.push(&block, &vec![[0.0; 3]; block.n_receivers()]);
+        arrays.blocks.push(&block, &vec![[0.0; 3]; block.n_receivers()], 1);
         first_cluster = end;
     }
     let n_receivers = shape.n_clusters * shape.receivers_per_cluster;

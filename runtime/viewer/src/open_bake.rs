@@ -16,7 +16,7 @@ use std::time::Duration;
 pub struct Files {
     /// Path of the baked file, as given.
     pub path: PathBuf,
-    /// The baked file, checked.
+    /// The baked file, as it was opened.
     pub baked: Baked,
     /// The scene with the file's lightmap coordinates.
     pub scene: Scene,

@@ -282,7 +282,7 @@ fn objects_are_lit_by_the_volume_where_there_is_one() {
     let volume_from = |height: f32| {
         let grid = VolumeGrid { origin: [-1.0, height, -1.0], spacing_m: 2.0, dims: [2, 2, 2], degree: 1 };
         let positions: Vec<_> = (0..8).map(|cell| grid.position(cell)).collect();
-        let blocks = BlockArrays::of_one(&block, &positions);
+        let blocks = BlockArrays::of_one(&block, &positions, grid.n_k());
         Some(VolumeArrays { grid, cells: (0..8).collect(), blocks, fill: Vec::new() })
     };
     file.volume = volume_from(0.0);

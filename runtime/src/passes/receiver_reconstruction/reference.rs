@@ -121,7 +121,7 @@ mod tests {
         block.push(record, &[], &[f16::ZERO; 4], &identity);
         arrays.receiver_position = vec![[0.0; 3]];
         arrays.receiver_unseen = vec![0.0];
-        arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position);
+        arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position, 4);
         arrays
     }
 

@@ -50,7 +50,7 @@ fn set_block(arrays: &mut BakedArrays, projection: &[f16], reconstruction: &[f16
     block.push(record, &[0, 1], projection, reconstruction);
     block.push(ClusterRecord { n_receivers: 1, ..ClusterRecord::default() }, &[], &[], &[]);
     block.near = near.unwrap_or_default();
-    arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position);
+    arrays.blocks = BlockArrays::of_one(&block, &arrays.receiver_position, arrays.metadata.n_k());
 }
 
 #[test]

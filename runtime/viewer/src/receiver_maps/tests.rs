@@ -48,7 +48,7 @@ fn blocks(clusters: &[(u32, u32)], positions: &[[f32; 3]]) -> BlockArrays {
         let record = ClusterRecord { n_receivers, n_probes: 0, n_sky: 1, n_coefficients };
         block.push(record, &[], &zeros(n_coefficients), &zeros(n_coefficients * n_receivers));
     }
-    BlockArrays::of_one(&block, positions)
+    BlockArrays::of_one(&block, positions, 1)
 }
 
 fn reference(errors: &[(u32, f32)]) -> ReferenceFile {

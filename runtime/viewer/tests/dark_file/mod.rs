@@ -24,7 +24,7 @@ pub fn one_receiver(n_probes: u32, n_sky: u32, row: &[f32]) -> BlockArrays {
     let mut block = TransportBlock::default();
     let record = ClusterRecord { n_receivers: 1, n_probes, n_sky, n_coefficients: 1 };
     block.push(record, &(0..n_probes).collect::<Vec<_>>(), &row, &[f16::ONE]);
-    BlockArrays::of_one(&block, &[[0.0; 3]])
+    BlockArrays::of_one(&block, &[[0.0; 3]], 1)
 }
 
 /// A file whose transport is zero.

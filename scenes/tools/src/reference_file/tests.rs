@@ -143,7 +143,7 @@ fn another_bake_is_told_apart() {
         receiver_position: vec![[0.0; 3]],
         receiver_normal: vec![[0.0, 1.0, 0.0]],
         receiver_unseen: vec![0.0],
-        blocks: BlockArrays::of_one(&block, &[[0.0; 3]]),
+        blocks: BlockArrays::of_one(&block, &[[0.0; 3]], 1),
         ..BakedArrays::default()
     };
     let folder = tempfile::tempdir().expect("folder");
