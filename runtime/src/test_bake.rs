@@ -129,7 +129,7 @@ pub fn with_near(mut arrays: BakedArrays) -> BakedArrays {
             let in_links = (near.links.len() - first) as u32;
             near.tiles.push(NearTile { n_receivers: in_tile as u32, n_nodes, n_links: in_links, scale: 0.5 });
         }
-        block.near = near;
+        block.near = if near.links.is_empty() { NearArrays::default() } else { near };
     }
     // Some blocks have none.
     if let [first, _, ..] = &mut all[..] {
