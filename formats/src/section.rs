@@ -76,7 +76,7 @@ pub struct SectionInfo {
     pub components: u16,
     /// Elements.
     pub count: u64,
-    /// First byte in the file, a multiple of [`ALIGNMENT`].
+    /// First byte in the file, a multiple of [`crate::header::ALIGNMENT`].
     pub offset: u64,
     /// Bytes, without padding.
     pub length: u64,

@@ -87,7 +87,7 @@ impl Job<'_> {
         fs::create_dir_all(self.output).map_err(|error| OutputError::write(self.output, error))?;
         output::check_writable(&self.output.join("index.html"))?;
         let about_file = |error| CommandError::from(error).in_file(self.file);
-        let subject = Subject::new(inputs::checked(&self.file, baked)?, caster, progress).map_err(about_file)?;
+        let subject = Subject::new(inputs::checked(self.file, baked)?, caster, progress).map_err(about_file)?;
         let sweep = |(option, values): &(String, Vec<String>)| {
             Sweep::new(option, values, &subject.settings, view.metadata.lightmap_size)
         };
