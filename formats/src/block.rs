@@ -351,3 +351,49 @@ pub(crate) struct Shape {
     /// Names the transport in messages: empty, or `volume `.
     pub(crate) of: &'static str,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One receiver with a link and a matrix of one value.
+    fn block() -> TransportBlock {
+        let mut block = TransportBlock::default();
+        let record = ClusterRecord { n_receivers: 1, n_probes: 0, n_sky: 1, n_coefficients: 1 };
+        block.push(record, &[], &[f16::ONE], &[f16::ONE]);
+        block.near = NearArrays {
+            tiles: vec![NearTile { n_receivers: 1, n_nodes: 1, n_links: 1, scale: 1.0 }],
+            nodes: vec![0],
+            counts: vec![1],
+            links: vec![0],
+            weights: vec![127],
+        };
+        block
+    }
+
+    #[test]
+    fn a_block_returns_as_it_was_stored() {
+        let stored = BlockArrays::of_one(&block(), &[[1.0, 2.0, 3.0]], 1);
+        assert_eq!(stored.view().to_block(0, 1), Some(block()));
+        assert_eq!(stored.records[0].bounds, [[1.0, 2.0, 3.0]; 2]);
+        assert_eq!(stored.view().to_block(1, 1), None, "there is one");
+        assert_eq!(stored.view().to_block(0, 300), None, "weights of 300 outputs are not there");
+    }
+
+    /// Padding would hide what is missing.
+    #[test]
+    fn arrays_that_do_not_fit_each_other_cannot_be_stored() {
+        let changes: [fn(&mut TransportBlock); 4] = [
+            |block| block.near.weights.clear(),
+            |block| block.near.counts.push(0),
+            |block| block.projection.truncate(1),
+            |block| block.reconstruction.truncate(1),
+        ];
+        for change in changes {
+            let mut broken = block();
+            change(&mut broken);
+            let stored = std::panic::catch_unwind(|| BlockArrays::of_one(&broken, &[[0.0; 3]], 1));
+            assert!(stored.is_err(), "{broken:?}");
+        }
+    }
+}

@@ -54,35 +54,9 @@ pub(crate) enum Known {
     Report,
 }
 
-impl Known {
-    /// All, in the order in which they are written.
-    pub(crate) const ALL: [Self; LAYOUTS.len()] = [
-        Self::Metadata,
-        Self::Probes,
-        Self::RayDirs,
-        Self::RaySh,
-        Self::RayUv,
-        Self::RayLevel,
-        Self::RayDistance,
-        Self::ReceiverTexel,
-        Self::ReceiverPosition,
-        Self::ReceiverNormal,
-        Self::ReceiverUnseen,
-        Self::Blocks,
-        Self::BlockData,
-        Self::Gutters,
-        Self::Seams,
-        Self::Volume,
-        Self::VolumeCells,
-        Self::VolumeBlocks,
-        Self::VolumeBlockData,
-        Self::VolumeFill,
-        Self::Report,
-    ];
-}
-
 /// How a known section is described.
 pub(crate) struct Layout {
+    pub known: Known,
     pub kind: SectionKind,
     pub version: u16,
     pub scalar: Scalar,
@@ -91,37 +65,37 @@ pub(crate) struct Layout {
     pub required: bool,
 }
 
-const fn layout(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { kind: SectionKind(*kind), version: 1, scalar, components, required: true }
+const fn layout(known: Known, kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
+    Layout { known, kind: SectionKind(*kind), version: 1, scalar, components, required: true }
 }
 
-const fn optional(kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
-    Layout { required: false, ..layout(kind, scalar, components) }
+const fn optional(known: Known, kind: &[u8; 4], scalar: Scalar, components: u16) -> Layout {
+    Layout { required: false, ..layout(known, kind, scalar, components) }
 }
 
-/// Descriptions of all known sections, by [`Known`].
+/// Descriptions of all known sections, by [`Known`], in the order in which they are written.
 pub(crate) const LAYOUTS: [Layout; 21] = [
-    layout(b"META", Scalar::U8, 1),
-    layout(b"PROB", Scalar::F32, 4),
-    layout(b"RDIR", Scalar::F32, 4),
-    layout(b"RASH", Scalar::F32, 1),
-    layout(b"RAUV", Scalar::U32, 1),
-    layout(b"RALV", Scalar::U8, 1),
-    optional(b"RADS", Scalar::F16, 1),
-    layout(b"RTEX", Scalar::U32, 1),
-    layout(b"RPOS", Scalar::F32, 3),
-    layout(b"RNRM", Scalar::F32, 3),
-    layout(b"RUNS", Scalar::F32, 1),
-    layout(b"BLOK", Scalar::U32, 32),
-    layout(b"BDAT", Scalar::U32, 1),
-    layout(b"GUTR", Scalar::U32, 2),
-    layout(b"SEAM", Scalar::U32, 2),
-    optional(b"VOLU", Scalar::U32, 8),
-    optional(b"VCEL", Scalar::U32, 1),
-    optional(b"VBLK", Scalar::U32, 32),
-    optional(b"VDAT", Scalar::U32, 1),
-    optional(b"VFIL", Scalar::U32, 2),
-    optional(b"REPT", Scalar::U8, 1),
+    layout(Known::Metadata, b"META", Scalar::U8, 1),
+    layout(Known::Probes, b"PROB", Scalar::F32, 4),
+    layout(Known::RayDirs, b"RDIR", Scalar::F32, 4),
+    layout(Known::RaySh, b"RASH", Scalar::F32, 1),
+    layout(Known::RayUv, b"RAUV", Scalar::U32, 1),
+    layout(Known::RayLevel, b"RALV", Scalar::U8, 1),
+    optional(Known::RayDistance, b"RADS", Scalar::F16, 1),
+    layout(Known::ReceiverTexel, b"RTEX", Scalar::U32, 1),
+    layout(Known::ReceiverPosition, b"RPOS", Scalar::F32, 3),
+    layout(Known::ReceiverNormal, b"RNRM", Scalar::F32, 3),
+    layout(Known::ReceiverUnseen, b"RUNS", Scalar::F32, 1),
+    layout(Known::Blocks, b"BLOK", Scalar::U32, 32),
+    layout(Known::BlockData, b"BDAT", Scalar::U32, 1),
+    layout(Known::Gutters, b"GUTR", Scalar::U32, 2),
+    layout(Known::Seams, b"SEAM", Scalar::U32, 2),
+    optional(Known::Volume, b"VOLU", Scalar::U32, 8),
+    optional(Known::VolumeCells, b"VCEL", Scalar::U32, 1),
+    optional(Known::VolumeBlocks, b"VBLK", Scalar::U32, 32),
+    optional(Known::VolumeBlockData, b"VDAT", Scalar::U32, 1),
+    optional(Known::VolumeFill, b"VFIL", Scalar::U32, 2),
+    optional(Known::Report, b"REPT", Scalar::U8, 1),
 ];
 
 fn known_section(kind: SectionKind) -> Option<(usize, &'static Layout)> {

@@ -72,9 +72,9 @@ impl<'a> Plan<'a> {
     fn new(view: &'a BakedView<'a>) -> Result<Self, WriteError> {
         check_invariants(view)?;
         let metadata = metadata::encode(view.metadata)?;
-        let present: Vec<_> = Known::ALL
-            .into_iter()
-            .filter_map(|known| payload(known, view, &metadata).map(|payload| (known, payload)))
+        let present: Vec<_> = LAYOUTS
+            .iter()
+            .filter_map(|layout| payload(layout.known, view, &metadata).map(|payload| (layout.known, payload)))
             .collect();
         let mut hasher = blake3::Hasher::new();
         let mut end = (HEADER_BYTES + present.len() * ENTRY_BYTES) as u64;

@@ -168,3 +168,27 @@ fn push_even(array: &mut Vec<f16>, matrix: &[f16]) {
     array.extend_from_slice(matrix);
     array.extend((matrix.len() % 2 == 1).then_some(f16::ZERO));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shaders::{self, layout_test::assert_same_layout};
+    use std::mem::offset_of;
+
+    #[test]
+    fn clusters_lie_as_the_shaders_have_them() {
+        let source = shaders::source("");
+        let members = [
+            ("first_receiver", offset_of!(PageCluster, first_receiver)),
+            ("n_receivers", offset_of!(PageCluster, n_receivers)),
+            ("first_probe", offset_of!(PageCluster, first_probe)),
+            ("n_probes", offset_of!(PageCluster, n_probes)),
+            ("n_sky", offset_of!(PageCluster, n_sky)),
+            ("n_coefficients", offset_of!(PageCluster, n_coefficients)),
+            ("first_light", offset_of!(PageCluster, first_light)),
+            ("projection_pair", offset_of!(PageCluster, projection_pair)),
+            ("reconstruction_pair", offset_of!(PageCluster, reconstruction_pair)),
+        ];
+        assert_same_layout(&source, "Cluster", size_of::<PageCluster>(), &members);
+    }
+}

@@ -110,6 +110,9 @@ fn block_table_rules_refuse() {
     assert_eq!(record(&|block| block.bounds[0][0] = f32::NAN), 52);
     assert_eq!(record(&|block| block.reserved[5] = 1), 53);
     assert_eq!(record(&|block| block.n_tiles = 0), 54);
+    // More than there are receivers, though there are bytes for them.
+    assert_eq!(record(&|block| block.n_clusters = 4), 55);
+    assert_eq!(record(&|block| block.n_tiles = 4), 81);
     assert_eq!(record(&|block| block.checksum ^= 1), 88);
     assert_eq!(record(&|block| block.hash[31] ^= 1), 89);
     assert_eq!(refused_payload(b"BLOK", 0, &u32::MAX.to_le_bytes()), 50);

@@ -1,5 +1,8 @@
 //! Joins the parts that passes share and a pass into one shader source.
 
+#[cfg(test)]
+pub(crate) mod layout_test;
+
 /// Functions for the host's own shaders: sampling the maps, irradiance about a normal map's normal, approximate indirect
 /// mirror reflection. Joins any module; all names begin with `localprt_`. Twin: [`crate::host_shading`].
 pub const HOST_WGSL: &str = include_str!("host.wgsl");

@@ -542,8 +542,8 @@ fn batch_group(
 
 #[cfg(test)]
 mod tests {
-    use super::super::layout_test::assert_same_layout;
     use super::*;
+    use crate::shaders::layout_test::assert_same_layout;
     use std::mem::offset_of;
 
     #[test]

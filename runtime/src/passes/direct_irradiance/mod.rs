@@ -6,8 +6,6 @@
 
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
-#[cfg(all(test, feature = "gpu"))]
-pub(crate) mod layout_test;
 mod reference;
 
 #[cfg(feature = "gpu")]

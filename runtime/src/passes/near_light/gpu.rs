@@ -136,3 +136,33 @@ fn fitting(tiles: &[Tile<'_>], n_k: usize, limit: u64) -> usize {
     };
     tiles.iter().take_while(fits).count().max(1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shaders::layout_test::assert_same_layout;
+    use std::mem::offset_of;
+
+    #[test]
+    fn records_lie_as_the_shader_has_them() {
+        let source = shaders::source(include_str!("near_light.wgsl"));
+        let members = [
+            ("first_receiver", offset_of!(TileRecord, first_receiver)),
+            ("n_receivers", offset_of!(TileRecord, n_receivers)),
+            ("first_node", offset_of!(TileRecord, first_node)),
+            ("n_nodes", offset_of!(TileRecord, n_nodes)),
+            ("first_link", offset_of!(TileRecord, first_link)),
+            ("scale", offset_of!(TileRecord, scale)),
+            ("place", offset_of!(TileRecord, place)),
+            ("pad", offset_of!(TileRecord, pad)),
+        ];
+        assert_same_layout(&source, "Tile", size_of::<TileRecord>(), &members);
+        let members = [
+            ("n_tiles", offset_of!(Params, n_tiles)),
+            ("n_receivers", offset_of!(Params, n_receivers)),
+            ("light_map_size", offset_of!(Params, light_map_size)),
+            ("pad", offset_of!(Params, pad)),
+        ];
+        assert_same_layout(&source, "Params", size_of::<Params>(), &members);
+    }
+}

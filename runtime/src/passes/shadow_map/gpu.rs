@@ -515,7 +515,7 @@ impl MaskPage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::passes::direct_irradiance::layout_test::assert_same_layout;
+    use crate::shaders::layout_test::assert_same_layout;
     use std::mem::offset_of;
 
     #[test]
