@@ -253,7 +253,9 @@ fn blocks(
         }
         let end = first + block.n_receivers();
         if has_near {
-            block.near = near(sizes.seed, metadata, first as u32..end as u32);
+            // None, where no receiver has a link.
+            let near = near(sizes.seed, metadata, first as u32..end as u32);
+            block.near = if near.links.is_empty() { NearArrays::default() } else { near };
         }
         stored.push(&block, &positions[first..end], n_k);
         first = end;
