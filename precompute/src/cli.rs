@@ -5,6 +5,7 @@ mod bake_flags;
 pub use bake_flags::BakeFlags;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use localprt_precompute::cache::CacheOptions;
 use localprt_precompute::settings::Preset;
 use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
@@ -88,6 +89,8 @@ pub enum Command {
     Info(Info),
     /// Verify every checksum and every invariant of a baked file
     Check(Check),
+    /// Say what a cache of bakes holds; trim or verify it
+    Cache(CacheCommand),
     /// Write a built-in scene as .glb
     Scene(Scene),
     /// Bake, relight and validate the Cornell box, and say where the pictures are
@@ -116,9 +119,48 @@ pub struct Bake {
     /// Print the options in force as TOML for --config, and stop
     #[arg(long)]
     pub print_config: bool,
+    /// Where results are kept from bake to bake.
+    #[command(flatten)]
+    pub cache: CacheFlags,
     /// Options of the bake.
     #[command(flatten)]
     pub flags: BakeFlags,
+}
+
+/// Which results a bake keeps, and where.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Cache")]
+pub struct CacheFlags {
+    /// Folder of results that are used again while nothing that they depend on has changed; bakes may share one [default:
+    /// .localprt-cache beside OUT.lprt]
+    #[arg(long, value_name = "PLACE", conflicts_with = "no_cache")]
+    pub cache: Option<PathBuf>,
+    /// Make everything anew, and keep nothing
+    #[arg(long)]
+    pub no_cache: bool,
+    /// Use what is there, and write nothing into it
+    #[arg(long, conflicts_with = "no_cache")]
+    pub cache_read: bool,
+    /// Bytes that may be kept; those used longest ago go first
+    #[arg(long, value_name = "BYTES", default_value_t = CacheOptions::default().limit_bytes, conflicts_with = "no_cache")]
+    pub cache_limit: u64,
+}
+
+/// `precompute cache`
+#[derive(Debug, Args)]
+pub struct CacheCommand {
+    /// Folder that bakes keep results in
+    #[arg(value_name = "PLACE")]
+    pub place: PathBuf,
+    /// Remove results, those used longest ago first, until the others have no more bytes than this
+    #[arg(long, value_name = "BYTES")]
+    pub trim: Option<u64>,
+    /// Hold every result against its checksum, and remove damaged ones
+    #[arg(long)]
+    pub verify: bool,
+    /// Print it as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `precompute relight`

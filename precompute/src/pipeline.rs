@@ -3,23 +3,28 @@
 mod assemble;
 mod facts;
 mod failures;
+mod kept_bake;
 mod lay_out;
+mod layout_cache;
 mod leaf;
+mod leaf_cache;
 mod near_tiles;
 mod place;
 mod transported;
 mod views;
 mod write;
 
+pub use kept_bake::KeptBake;
 pub use write::Written;
 
 use crate::{
-    error::BakeError, lightmap::Atlas, progress::Progress, rays::RayCaster, report::BakeReport, settings::BakeSettings,
+    cache::Cache, error::BakeError, lightmap::Atlas, progress::Progress, rays::RayCaster, report::BakeReport,
+    settings::BakeSettings,
 };
 use assemble::assemble;
 use facts::{Finished, scene_facts};
 use failures::tree_error;
-use lay_out::{LaidOut, Space, lay_out};
+use lay_out::{LaidOut, Space, lay_out_with};
 use localprt_formats::BakedArrays;
 use localprt_scenes::Scene;
 use place::{Placed, volume_grid};
@@ -47,6 +52,19 @@ const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 /// # Errors
 /// Those of the stages, by who can act; see [`BakeError`].
 pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Result<BakeOutput, BakeError> {
+    bake_with(scene, settings, None, progress)
+}
+
+/// The same with leaves that a cache holds taken from there, and the others kept in it: the output is the same.
+///
+/// # Errors
+/// See [`bake`].
+pub fn bake_with(
+    scene: Scene,
+    settings: &BakeSettings,
+    cache: Option<&Cache>,
+    progress: &Progress,
+) -> Result<BakeOutput, BakeError> {
     settings.check().map_err(|range| BakeError::Option { what: range.to_string(), remedy: RANGES_HELP.into() })?;
     let source = scene_facts(&scene);
     if scene.face_count() == 0 {
@@ -62,7 +80,7 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
         let volume = volume_grid(&caster, settings)?;
         let space = Space::of(&caster, settings, progress)?;
-        let laid_out = lay_out(&scene, &caster, &space, settings, progress)?.checked()?;
+        let laid_out = lay_out_with(cache, &scene, &caster, &space, settings, progress)?.checked()?;
         (space, volume, laid_out)
     };
     progress.check()?;
@@ -73,10 +91,10 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
 
     // Probes, what supports whom, and what each sees.
     let placed = Placed::of(&caster, space, receivers, volume, settings, progress)?;
-    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, settings, progress)?;
+    let mut views = Views::of(&caster, &atlas, &laid_out, (&placed.probes, &placed.support), settings, progress)?;
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
-    let transported = Transported::of(&caster, receivers, &placed, &mut views, settings, progress)?;
+    let transported = Transported::of(&caster, receivers, &placed, &mut views, settings, cache, progress)?;
 
     let stage = progress.stage("assemble", 0);
     let finished = Finished {
@@ -88,11 +106,13 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
         transported: &transported,
     };
     let mut report = finished.report(source, settings, progress);
+    let use_of_cache = cache.map(|_| transported.cache);
     let mut arrays = assemble(&laid_out, settings, &placed.probes, views.rays, transported);
     report.count_bytes(&arrays.view());
     drop(stage);
     report.warnings = progress.warnings();
     arrays.report = report.to_embedded_json();
+    report.cache = use_of_cache;
     report.measure_run(progress);
     if let Some(allowed) = settings.max_unseen.filter(|&allowed| report.unseen.mean > f64::from(allowed)) {
         return Err(BakeError::Quality {

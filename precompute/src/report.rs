@@ -50,6 +50,9 @@ pub struct BakeReport {
     pub peak_rss_bytes: u64,
     /// Threads of the bake.
     pub threads: u64,
+    /// Leaves of the transport; absent without a cache.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cache: Option<CacheUse>,
     /// How the scene got its layout.
     pub atlas: AtlasFacts,
     /// How the probes were placed.
@@ -87,6 +90,23 @@ pub struct SceneFacts {
     pub degenerate: u64,
     /// Triangles left out: repeated.
     pub duplicate: u64,
+}
+
+/// Where the leaves of a bake came from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CacheUse {
+    /// From the cache.
+    pub reused: u64,
+    /// Made.
+    pub baked: u64,
+}
+
+impl std::ops::AddAssign for CacheUse {
+    fn add_assign(&mut self, other: Self) {
+        self.reused += other.reused;
+        self.baked += other.baked;
+    }
 }
 
 /// Supporting probes per receiver.
@@ -346,7 +366,7 @@ impl BakeReport {
         // By way of the text, in which f32 values keep their short form.
         let mut value: Value = serde_json::from_str(&self.to_json()).unwrap_or_default();
         if let Some(fields) = value.as_object_mut() {
-            for name in ["stages", "seconds", "peak_rss_bytes", "threads"] {
+            for name in ["stages", "seconds", "peak_rss_bytes", "threads", "cache"] {
                 fields.shift_remove(name);
             }
             if let Some(bytes) = fields.get_mut("bytes").and_then(Value::as_object_mut) {

@@ -40,10 +40,10 @@ fn assert_exit(output: &Output, expected: i32) {
     assert!(!text(&output.stderr).contains("panicked"), "{}", text(&output.stderr));
 }
 
-/// Bakes the Cornell box into `a.lprt`.
+/// Bakes the Cornell box into `a.lprt`, anew each time.
 #[track_caller]
 fn bake(folder: &Path, more: &[&str]) -> Output {
-    let output = run(&[&["bake", "builtin:cornell", "-o", "a.lprt"], &SMALL[..], more].concat(), folder);
+    let output = run(&[&["bake", "builtin:cornell", "-o", "a.lprt", "--no-cache"], &SMALL[..], more].concat(), folder);
     assert_exit(&output, 0);
     output
 }

@@ -1,11 +1,12 @@
 //! `precompute bake`: a scene in, a baked file and a report out.
 
-use super::{check_output, grouped, print_data, size, write_text};
+use super::{cache, check_output, grouped, print_data, size, write_text};
 use crate::cli::Bake;
+use localprt_precompute::cache::Cache;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::output::{OutputError, check_writable};
-use localprt_precompute::pipeline::{self, Written};
+use localprt_precompute::pipeline::{self, KeptBake, Written};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::report::BakeReport;
 use localprt_precompute::settings::BakeSettings;
@@ -20,7 +21,12 @@ pub fn run(command: &Bake, progress: &Progress) -> Result<(), CommandError> {
     // Both are required by the command line.
     let (Some(source), Some(output)) = (&command.scene, &command.output) else { return Ok(()) };
     check_output(command.report.as_deref())?;
-    let report = bake(source, output, &settings, progress)?;
+    let cache = cache::of_bake(&command.cache, output, progress)?;
+    let report = bake(source, output, &settings, cache.as_ref(), progress);
+    if let Some(cache) = &cache {
+        cache.finish(progress);
+    }
+    let report = report?;
     if let Some(path) = &command.report {
         write_text(path, &report.to_json())?;
     }
@@ -41,6 +47,7 @@ pub fn bake(
     source: &str,
     output: &Path,
     settings: &BakeSettings,
+    cache: Option<&Cache>,
     progress: &Progress,
 ) -> Result<BakeReport, CommandError> {
     inputs::check_scene(source)?;
@@ -51,16 +58,34 @@ pub fn bake(
     drop(stage);
     warn_of_dropped(&scene, progress);
 
-    let baked = pipeline::bake(scene, settings, progress).map_err(|error| {
+    let kept = cache.map(|cache| KeptBake::of(cache, &scene, settings, output, &scene_output, source));
+    if let Some(mut report) = kept.as_ref().and_then(KeptBake::find) {
+        report.warnings.iter().for_each(|warning| progress.warn(warning));
+        report.measure_run(progress);
+        let seconds = report.seconds;
+        progress
+            .note(&format!("{} is up to date: nothing that it depends on is new, {seconds:.1} s", output.display()));
+        return Ok(report);
+    }
+    let baked = pipeline::bake_with(scene, settings, cache, progress);
+    let baked = baked.map_err(|error| {
         let about_scene = matches!(error, BakeError::Scene { .. });
         let error = CommandError::from(error);
         if about_scene { error.in_file(Path::new(source)) } else { error }
     })?;
     let source = (!source.starts_with(inputs::BUILTIN)).then(|| Path::new(source));
-    let Written { scene, is_scene_new, report } = baked.write(output, &scene_output, source, progress)?;
+    let written = baked.write(output, &scene_output, source, progress)?;
+    if let Some(kept) = &kept {
+        kept.keep(&written);
+    }
+    let Written { scene, is_scene_new, report } = written;
 
     if is_scene_new {
         progress.note(&format!("wrote {} (the scene with lightmap coordinates)", scene.display()));
+    }
+    if let Some(leaves) = report.cache.filter(|leaves| leaves.reused > 0) {
+        let all = leaves.reused + leaves.baked;
+        progress.note(&format!("{} of {} leaves were in the cache", grouped(leaves.reused), grouped(all)));
     }
     progress.note(&format!(
         "wrote {}: {}, {} receivers, {} probes, {} clusters, unseen {:.2} %, {:.1} s",

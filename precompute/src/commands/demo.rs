@@ -32,7 +32,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     let folder = &command.output;
     fs::create_dir_all(folder).map_err(|error| OutputError::write(folder, error))?;
     let baked_path = folder.join("cornell.lprt");
-    let report = bake::bake("builtin:cornell", &baked_path, &Preset::Preview.settings(), progress)?;
+    let report = bake::bake("builtin:cornell", &baked_path, &Preset::Preview.settings(), None, progress)?;
     write_text(&folder.join("cornell.json"), &report.to_json())?;
     let evening_path = folder.join("evening.json");
     write_text(&evening_path, EVENING)?;

@@ -1,6 +1,7 @@
 //! One plain function per subcommand, and what they share: reading inputs, writing data to standard output.
 
 mod bake;
+mod cache;
 mod demo;
 mod info;
 mod relight;
@@ -34,6 +35,7 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Validate(command) => validate::run(command, &progress),
         Command::Info(command) => info::run(command),
         Command::Check(command) => info::check(command),
+        Command::Cache(command) => cache::run(command),
         Command::Scene(command) => scene::run(command, &progress),
         Command::Demo(command) => demo::run(command, &progress),
     }

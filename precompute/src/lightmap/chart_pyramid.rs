@@ -18,6 +18,9 @@ pub struct ChartPyramid {
     levels: Vec<(u32, Vec<u32>)>,
 }
 
+/// How far [`ChartPyramid::texel_near`] looks, in texels along each axis.
+pub const NEAREST_TEXEL: u32 = 2;
+
 /// No covered texel below.
 const EMPTY: u32 = u32::MAX;
 /// Texels of several charts below.
@@ -70,10 +73,10 @@ impl ChartPyramid {
         charts[(y * size + x) as usize] == chart
     }
 
-    /// The texel at a coordinate, or the nearest within two, that holds the chart's texels.
+    /// The texel at a coordinate, or the nearest within [`NEAREST_TEXEL`], that holds the chart's texels.
     pub fn texel_near(&self, uv: Vec2, chart: u32) -> Option<[u32; 2]> {
         let at = self.nearest_texel(uv, chart, 0, &|_| true);
-        at.or_else(|| self.nearest_texel(uv, chart, 2, &|_| true))
+        at.or_else(|| self.nearest_texel(uv, chart, NEAREST_TEXEL, &|_| true))
     }
 
     /// Center of the nearest texel of a chart within four texels whose lookup is pure, as stored.
@@ -83,12 +86,12 @@ impl ChartPyramid {
     }
 
     /// The nearest texel of a chart that is good, at most so many texels away along each axis; of several the first by rows.
-    fn nearest_texel(&self, uv: Vec2, chart: u32, reach: i64, is_good: &dyn Fn([u32; 2]) -> bool) -> Option<[u32; 2]> {
+    fn nearest_texel(&self, uv: Vec2, chart: u32, reach: u32, is_good: &dyn Fn([u32; 2]) -> bool) -> Option<[u32; 2]> {
         let at = uv * self.size as f32;
         let last = i64::from(self.size) - 1;
         let around = |center: f32| {
             let center = (center.floor() as i64).clamp(0, last);
-            (center - reach).max(0)..=(center + reach).min(last)
+            (center - i64::from(reach)).max(0)..=(center + i64::from(reach)).min(last)
         };
         around(at.y)
             .flat_map(|y| around(at.x).map(move |x| [x as u32, y as u32]))

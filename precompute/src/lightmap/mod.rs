@@ -18,7 +18,7 @@ mod test_scenes;
 mod tests;
 pub mod unwrap;
 
-pub use chart_pyramid::{ChartPyramid, as_stored};
+pub use chart_pyramid::{ChartPyramid, NEAREST_TEXEL, as_stored};
 
 use glam::Vec3;
 use localprt_scenes::SurfacePoint;

@@ -1,7 +1,11 @@
 //! A scene to a scene with a layout and the receivers on it: as many as were asked for, where the local scale says.
 
-use super::failures::{placement_error, tree_error, unwrap_error, voxel_error};
+use super::{
+    failures::{placement_error, tree_error, unwrap_error, voxel_error},
+    layout_cache::LayoutCache,
+};
 use crate::{
+    cache::Cache,
     error::BakeError,
     lightmap::{
         Atlas, LayoutReport, ReceiverSet, cut, hidden, receivers, sides,
@@ -118,9 +122,37 @@ impl LaidOut {
     }
 }
 
+/// The same with a layout that a cache holds, or kept there if it is new.
+pub(super) fn lay_out_with(
+    cache: Option<&Cache>,
+    scene: &Scene,
+    caster: &RayCaster<'_>,
+    space: &Space,
+    settings: &BakeSettings,
+    progress: &Progress,
+) -> Result<LaidOut, BakeError> {
+    let cache = cache.map(|cache| LayoutCache::of(cache, scene, settings));
+    if let Some((scene, layout)) = cache.as_ref().and_then(|cache| cache.find(scene)) {
+        let receivers = place_receivers(&scene, &Atlas::of(&scene), layout.size, progress)?;
+        return Ok(LaidOut { scene, layout, receivers });
+    }
+    let laid_out = lay_out(scene, caster, space, settings, progress)?;
+    if let Some(cache) = cache.filter(|_| !laid_out.layout.kept) {
+        cache.keep(&laid_out.scene, &laid_out.layout);
+    }
+    Ok(laid_out)
+}
+
+fn place_receivers(scene: &Scene, atlas: &Atlas, size: u32, progress: &Progress) -> Result<ReceiverSet, BakeError> {
+    let _stage = progress.stage("receivers", 0);
+    let caster = RayCaster::new(scene).map_err(tree_error)?;
+    let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
+    Ok(receivers::place(scene, atlas, &caster, size, &watch).ok_or(Cancelled)?)
+}
+
 /// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
 /// with a face for each live side, and faces cut where they need very different densities or where other surfaces stand on them.
-pub(super) fn lay_out(
+fn lay_out(
     scene: &Scene,
     caster: &RayCaster<'_>,
     Space { grid, scale, .. }: &Space,
@@ -133,9 +165,8 @@ pub(super) fn lay_out(
     let reason = match unwrap::usable_layout(scene, size).map_err(unwrap_error)? {
         Ok(texels) => {
             drop(stage);
-            let _stage = progress.stage("receivers", 0);
             let atlas = Atlas::of(scene);
-            let receivers = receivers::place(scene, &atlas, caster, texels, &watch).ok_or(Cancelled)?;
+            let receivers = place_receivers(scene, &atlas, texels, progress)?;
             let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
             return Ok(LaidOut { scene: scene.clone(), layout, receivers });
         }
@@ -168,12 +199,8 @@ pub(super) fn lay_out(
         let stage = progress.stage("layout", 0);
         let (scene, texels) = charts.lay_out(split.clone(), caster, size, &watch).map_err(unwrap_error)?;
         drop(stage);
-        let _stage = progress.stage("receivers", 0);
         let atlas = Atlas::of(&scene);
-        let receivers = {
-            let caster = RayCaster::new(&scene).map_err(tree_error)?;
-            receivers::place(&scene, &atlas, &caster, texels, &watch).ok_or(Cancelled)?
-        };
+        let receivers = place_receivers(&scene, &atlas, texels, progress)?;
         let found = receivers.len();
         let miss = (found as f64 / f64::from(settings.receivers) - 1.0).abs();
         let layout = LayoutReport {

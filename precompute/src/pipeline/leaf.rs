@@ -1,14 +1,18 @@
 //! Local transport: one leaf of receivers at a time to a finished block; no type holds the rows of more.
 
-use super::near_tiles::near_tiles;
+use super::{leaf_cache::LeafCache, near_tiles::near_tiles};
 use crate::{
+    cache::Cache,
+    cells::CellGrid,
     clusters::{Cluster, RefineSettings, leaves, refine},
     error::BakeError,
     progress::Progress,
+    report::CacheUse,
     transport::{Links, RayCounts, TransportScene},
 };
 use localprt_formats::{ClusterRecord, TransportBlock};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What a leaf of receivers becomes.
 pub(super) struct LeafTransport {
@@ -24,22 +28,37 @@ pub(super) struct LeafTransport {
     pub(super) rays: RayCounts,
 }
 
-/// Transport of all leaves, in their order. The rows of a leaf are made, compressed and dropped.
+/// Transport of all leaves, in their order: kept ones from the cache, if there is one. The rows of a leaf are made, compressed and
+/// dropped.
 pub(super) fn local_transport(
     transport: &TransportScene<'_>,
     refining: &RefineSettings,
     leaf: u32,
     stage: &str,
+    cache: Option<&Cache>,
     progress: &Progress,
-) -> Result<Vec<LeafTransport>, BakeError> {
+) -> Result<(Vec<LeafTransport>, CacheUse), BakeError> {
+    let cells = cache.map(|_| CellGrid::of(transport.caster.scene().bounds().unwrap_or_default()));
+    let transport = &TransportScene { cells, ..*transport };
+    let cache = {
+        let _stage = cache.map(|_| progress.stage("cache", 0));
+        cache.and_then(|cache| LeafCache::of(cache, transport, refining))
+    };
+    let reused = AtomicU64::new(0);
     let positions = transport.receivers.positions();
     let stage = progress.stage(stage, positions.len() as u64);
-    leaves(positions, leaf as usize)
+    let made: Result<Vec<LeafTransport>, BakeError> = leaves(positions, leaf as usize)
         .par_iter()
         .map(|members| {
             progress.check()?;
+            let key = cache.as_ref().map(|cache| (cache, cache.key(transport, members)));
+            if let Some(leaf) = key.as_ref().and_then(|(cache, key)| cache.find(key, members)) {
+                reused.fetch_add(1, Relaxed);
+                stage.inc(members.len() as u64);
+                return Ok(leaf);
+            }
             let mut rows = transport.rows(&transport.leaf(members), members);
-            let (rays, links) = (rows.rays, std::mem::take(&mut rows.links));
+            let (rays, links, crossed) = (rows.rays, std::mem::take(&mut rows.links), rows.crossed.take());
             let clusters = refine(members, positions, rows, refining);
             stage.inc(members.len() as u64);
             let mut leaf = LeafTransport::of(clusters, rays);
@@ -50,9 +69,15 @@ pub(super) fn local_transport(
                 let stored: Vec<&Links> = leaf.members.iter().map(|&member| of_member[at(member)].1).collect();
                 leaf.block.near = near_tiles(&stored, transport.gather.n_outputs());
             }
+            if let (Some((cache, key)), Some(crossed)) = (key, crossed) {
+                cache.keep(&key, members, &leaf, &crossed);
+            }
             Ok(leaf)
         })
-        .collect()
+        .collect();
+    let (made, reused) = (made?, reused.into_inner());
+    let use_of_cache = CacheUse { reused, baked: made.len() as u64 - reused };
+    Ok((made, use_of_cache))
 }
 
 impl LeafTransport {

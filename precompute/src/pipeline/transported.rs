@@ -8,12 +8,14 @@ use super::{
     views::Views,
 };
 use crate::{
+    cache::Cache,
     clusters::RefineSettings,
     error::BakeError,
     lightmap::ReceiverSet,
     probes,
     progress::Progress,
     rays::RayCaster,
+    report::CacheUse,
     settings::BakeSettings,
     transport::{GatherSet, NearField, RayCounts, Receivers, TransportScene},
     volume::VolumeCells,
@@ -29,6 +31,8 @@ pub(super) struct Transported {
     pub(super) volume: Option<VolumeArrays>,
     /// Rays that both cost.
     pub(super) rays: RayCounts,
+    /// Leaves of both.
+    pub(super) cache: CacheUse,
 }
 
 impl Transported {
@@ -38,6 +42,7 @@ impl Transported {
         placed: &Placed,
         views: &mut Views,
         settings: &BakeSettings,
+        cache: Option<&Cache>,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
         let (probe_basis, sky_basis) = (sh::Basis::new(settings.probe_degree), sh::Basis::new(settings.sky_degree));
@@ -52,6 +57,7 @@ impl Transported {
             sky_basis: &sky_basis,
             fit: views.fit.as_ref(),
             near: None,
+            cells: None,
         };
         // The texels are many, and nothing else needs them.
         let near = settings.near_bytes_in_force().zip(views.light_map.take()).map(|(bytes, (atlas, texels))| {
@@ -65,17 +71,20 @@ impl Transported {
             n_sh: probe_basis.len(),
             n_sky: sky_basis.len(),
         };
-        let leaves = local_transport(&transport, &refining, settings.leaf, "transport and clusters", progress)?;
+        let (leaves, mut use_of_cache) =
+            local_transport(&transport, &refining, settings.leaf, "transport and clusters", cache, progress)?;
         let mut rays: RayCounts = leaves.iter().map(|leaf| leaf.rays).sum();
         let volume = match &placed.volume {
             Some(cells) => {
-                let (volume, of_volume) = volume_transport(cells, &transport, &refining, settings, progress)?;
+                let (volume, of_volume, its_use) =
+                    volume_transport(cells, &transport, &refining, settings, cache, progress)?;
                 rays += of_volume;
+                use_of_cache += its_use;
                 Some(volume)
             }
             None => None,
         };
-        Ok(Self { leaves, volume, rays })
+        Ok(Self { leaves, volume, rays, cache: use_of_cache })
     }
 
     /// `[n_receivers]` unseen share of each, as they were placed.
@@ -94,8 +103,9 @@ fn volume_transport(
     lightmap: &TransportScene<'_>,
     refining: &RefineSettings,
     settings: &BakeSettings,
+    cache: Option<&Cache>,
     progress: &Progress,
-) -> Result<(VolumeArrays, RayCounts), BakeError> {
+) -> Result<(VolumeArrays, RayCounts, CacheUse), BakeError> {
     let sees = |receiver: usize, probe: Vec3| lightmap.caster.visible(cells.positions[receiver], probe);
     let (_, support, _) =
         probes::support(&cells.positions, &lightmap.probes.positions, &sees, settings).map_err(placement_error)?;
@@ -105,7 +115,7 @@ fn volume_transport(
     // As many rows to a leaf as in a lightmap of irradiance: cells lie far apart, so a leaf has many probes, and memory
     // grows with their product.
     let leaf = (settings.leaf / cells.grid.n_k() as u32).max(2);
-    let leaves = local_transport(&transport, refining, leaf, "volume transport", progress)?;
+    let (leaves, use_of_cache) = local_transport(&transport, refining, leaf, "volume transport", cache, progress)?;
     let cell = |member: u32| cells.cells[member as usize];
     let rays = leaves.iter().map(|leaf| leaf.rays).sum();
     let volume = VolumeArrays {
@@ -114,5 +124,5 @@ fn volume_transport(
         blocks: stored_blocks(leaves, cells.grid.n_k(), |member| cells.grid.position(cell(member) as usize)),
         fill: cells.fill.clone(),
     };
-    Ok((volume, rays))
+    Ok((volume, rays, use_of_cache))
 }

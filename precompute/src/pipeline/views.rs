@@ -8,7 +8,7 @@ use crate::{
         texels::{self, ReceiverMap},
     },
     probe_views::ProbeDirections,
-    probes::ProbeSet,
+    probes::{ProbeSet, Support},
     progress::Progress,
     rays::RayCaster,
     relight_rays::{LightMapLookups, RelightRays},
@@ -33,13 +33,13 @@ impl Views {
         caster: &RayCaster<'_>,
         atlas: &Atlas,
         LaidOut { layout, receivers, .. }: &LaidOut,
-        probes: &ProbeSet,
+        (probes, support): (&ProbeSet, &Support),
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
         let prior = (settings.transport == Transport::Fitted).then(|| {
             let _stage = progress.stage("fit", 0);
-            FitPrior::of(caster, atlas, receivers, probes)
+            FitPrior::of(caster, atlas, receivers, probes, support)
         });
         progress.check()?;
         let _stage = progress.stage("relight rays", 0);

@@ -1,7 +1,7 @@
 //! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
 use super::receivers::Sites;
-use crate::{morton, rays::frame};
+use crate::{digest::Digester, morton, rays::frame};
 use glam::Vec3;
 use localprt_formats::{directions, sh};
 use std::f32::consts::PI;
@@ -92,6 +92,11 @@ impl GatherSet {
         let n_to_sky = n.saturating_mul(SKY_TIMES);
         let to_sky = (0..n_to_sky).map(|i| Vec3::from(map(directions::fibonacci_square(i, n_to_sky, shift)))).collect();
         Self { directions, looked_up, to_sky, domain, receiver_degree }
+    }
+
+    /// Takes in all rays.
+    pub fn digest(&self, digester: &mut Digester) {
+        digester.all(&self.directions).all(&self.to_sky).one(self.domain as u8).one(self.receiver_degree);
     }
 
     /// Whether they go in all directions.

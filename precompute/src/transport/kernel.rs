@@ -1,11 +1,12 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{
-    GatherRay, RayCounts, TransportScene,
+    GatherRay, TransportScene,
     found::{Found, OutputSums},
     gather::SKY_TIMES,
     near::{NearHit, Node},
     openings::Openings,
+    traced::Traced,
 };
 use crate::rays::{FacePoint, OccluderHint, SurfaceHit};
 use glam::Vec3;
@@ -26,6 +27,8 @@ pub(super) struct Workspace {
     pub found: Found,
     /// What it reads from the light map.
     pub links: Links,
+    /// All rays so far.
+    pub traced: Traced,
     near: Vec<NearHit>,
     rays: Vec<Ray>,
     weights: Vec<f32>,
@@ -75,15 +78,6 @@ struct Batch {
     sums: Vec<[f32; LANES]>,
 }
 
-/// What a receiver's rays found beside its rows.
-pub(super) struct ReceiverFindings {
-    /// Cosine-weighted share of directions whose surface neither a supporting probe sees nor a link reads; in the open, plain
-    /// share.
-    pub unseen: f32,
-    /// Rays traced.
-    pub rays: RayCounts,
-}
-
 /// Which rays are looked up in all probes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LookUps {
@@ -93,14 +87,15 @@ pub(super) enum LookUps {
     All,
 }
 
-/// Fills `workspace.outputs` with the rows of one receiver.
+/// Fills `workspace.outputs` with the rows of one receiver. Returns the cosine-weighted share of directions whose surface neither
+/// a supporting probe sees nor a link reads; in the open, the plain share.
 pub(super) fn receiver_rows(
     scene: &TransportScene<'_>,
     receiver: usize,
     look_ups: LookUps,
     openings: Option<&Openings>,
     workspace: &mut Workspace,
-) -> ReceiverFindings {
+) -> f32 {
     let all_looked_up = look_ups == LookUps::All || scene.fit.is_none();
     let caster = scene.caster;
     let gather = scene.gather;
@@ -130,13 +125,11 @@ pub(super) fn receiver_rows(
     workspace.hints.resize(support.len(), OccluderHint::default());
     workspace.found.clear(support.len(), n_k);
     let mut surfaces = 0.0;
-    let mut rays = RayCounts::default();
     let mut openings = openings.cloned();
     // What the rays meet.
     workspace.rays.clear();
     for GatherRay { origin, dir, cosine, looked_up, .. } in gather.rays(sites, caster.offset_m()) {
-        rays.gather += 1;
-        let Some(hit) = caster.closest_hit(origin, dir) else {
+        let Some(hit) = workspace.traced.closest_hit(caster, origin, dir) else {
             if let Some(openings) = &mut openings {
                 openings.show(dir);
                 continue;
@@ -154,8 +147,7 @@ pub(super) fn receiver_rows(
     if let Some(openings) = &openings {
         for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
             if openings.may_show(dir) {
-                rays.gather += 1;
-                if caster.escapes(origin, dir) {
+                if workspace.traced.escapes(caster, origin, dir) {
                     gather.weights(dir, &receiver_basis, &mut workspace.weights);
                     workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
                 }
@@ -166,13 +158,14 @@ pub(super) fn receiver_rows(
         // What emits is sampled as well: gather rays meet a small lamp too seldom, and at much the same places for all.
         for (index, &sample) in fit.emitter_samples().iter().enumerate() {
             let start = sites.start(index, caster.offset_m());
-            let dir = (sample.1 - start.origin).normalize_or_zero();
+            let way = sample.1 - start.origin;
+            let dir = way.normalize_or_zero();
             let cosine = start.cosine(dir);
             let density = gather.density(cosine);
             if density <= 0.0 || !start.is_above(dir) {
                 continue;
             }
-            rays.gather += 1;
+            workspace.traced.gather(start.origin, way, 1.0);
             let Some((hit, brings)) = fit.meet_emitter(caster, start.origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
             workspace.rays.push(Ray {
@@ -194,7 +187,6 @@ pub(super) fn receiver_rows(
         stands_for: if all_looked_up { 1.0 } else { gather.rays_per_look_up() },
         saw_last: 0,
         unseen: 0.0,
-        rays,
     };
 
     // What is near is read from the light map, and so is what no probe sees; the probes have the rest.
@@ -248,7 +240,7 @@ pub(super) fn receiver_rows(
         workspace.near = hits;
     }
     workspace.rays = all;
-    let LookUp { unseen, rays, .. } = look;
+    let unseen = look.unseen;
 
     for (weight, &(_, kernel)) in workspace.found.seen_weights.iter_mut().zip(&probes) {
         *weight *= kernel / surfaces.max(f32::MIN_POSITIVE);
@@ -271,7 +263,7 @@ pub(super) fn receiver_rows(
     for (k, output) in workspace.outputs.iter_mut().enumerate() {
         workspace.sky.read(k, &mut output.sky);
     }
-    ReceiverFindings { unseen: unseen.clamp(0.0, 1.0) as f32, rays }
+    unseen.clamp(0.0, 1.0) as f32
 }
 
 /// How what a ray meets is looked up in the probes.
@@ -286,7 +278,6 @@ struct LookUp<'a> {
     saw_last: usize,
     /// Cosine-weighted share of directions whose light is lost.
     unseen: f64,
-    rays: RayCounts,
 }
 
 impl LookUp<'_> {
@@ -313,8 +304,7 @@ impl LookUp<'_> {
             if weight <= 0.0 || way.dot(hit.normal) <= caster.offset_m() {
                 continue;
             }
-            self.rays.visibility += 1;
-            if caster.visible_hinted(seen_point, probe, &mut workspace.hints[slot]) {
+            if workspace.traced.visible(caster, seen_point, probe, &mut workspace.hints[slot]) {
                 sum += weight;
                 self.saw_last = slot;
                 if !looked_up {
@@ -335,7 +325,7 @@ impl LookUp<'_> {
                 workspace.found.add(&hit, surface, &workspace.weights, brings);
             } else if !surface.glows {
                 // What lamps emit has nothing to do with the light around.
-                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
+                workspace.found.add_unseen(surface, &workspace.weights);
             }
         }
         if to_emitter {
@@ -381,6 +371,11 @@ impl Links {
 }
 
 impl Workspace {
+    /// A new one that goes on counting rays.
+    pub fn after(traced: Traced) -> Self {
+        Self { traced, ..Self::default() }
+    }
+
     /// Directions of the gather rays of the receiver worked on last whose light it reads from the light map, and the share of it.
     pub fn linked(&self) -> impl Iterator<Item = (Vec3, f32)> + '_ {
         self.rays.iter().filter(|ray| !ray.to_emitter && ray.linked > 0.0).map(|ray| (ray.dir, ray.linked))

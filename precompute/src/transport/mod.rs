@@ -6,6 +6,7 @@
 //! fill the sky columns, more of them where there are openings: the sky is a virtual probe of infinite support. Receivers of
 //! a volume gather over the whole sphere.
 
+mod digests;
 pub mod fit;
 mod found;
 mod gather;
@@ -15,7 +16,9 @@ mod openings;
 mod receivers;
 #[cfg(test)]
 mod tests;
+mod traced;
 
+pub use digests::CellContents;
 pub use fit::{FitPrior, FitScene, LeafFit};
 pub use gather::{Domain, GatherRay, GatherSet};
 pub use kernel::Links;
@@ -25,11 +28,13 @@ use openings::Openings;
 pub use receivers::{Receivers, Sites};
 
 use crate::{
+    cells::{CellGrid, CellSet},
     probes::{ProbeSet, Support},
     rays::RayCaster,
 };
 use glam::Vec3;
 use localprt_formats::{sh, weight::weight_kernel};
+use traced::Traced;
 
 /// What transport rows are made from; the same for all leaves of a bake.
 pub struct TransportScene<'a> {
@@ -51,6 +56,8 @@ pub struct TransportScene<'a> {
     pub fit: Option<&'a FitScene>,
     /// What near light is read from; `None` leaves all light to the probes.
     pub near: Option<&'a NearField>,
+    /// Which cells rays cross is noted in these.
+    pub cells: Option<CellGrid>,
 }
 
 /// A leaf of receivers: the columns that their rows share, and what they are fitted with.
@@ -60,6 +67,8 @@ pub struct TransportLeaf {
     fit: Option<LeafFit>,
     /// Where more rays look for the sky; `None` for the paper's rows.
     openings: Option<Openings>,
+    /// Rays that looked for them.
+    traced: Traced,
 }
 
 /// Transport rows of some receivers.
@@ -82,8 +91,10 @@ pub struct TransportRows {
     pub metric: Option<Metric>,
     /// `[n_members]` nodes of the light map that each reads; empty without near light.
     pub links: Vec<Links>,
-    /// Rays traced.
+    /// Rays traced, those of the leaf itself counted.
     pub rays: RayCounts,
+    /// Cells that they crossed, if the scene has cells.
+    pub crossed: Option<CellSet>,
 }
 
 /// What an error of a row does to irradiance: `|δ W|` is the standard deviation of `δ·λ` over the light that a fit expects, as
@@ -133,10 +144,7 @@ impl TransportScene<'_> {
             self.gather.is_sphere(),
             "all directions count to points in the open, half of them to surfaces"
         );
-        let mut probes: Vec<u32> =
-            members.iter().flat_map(|&member| self.support.of(member as usize)).copied().collect();
-        probes.sort_unstable();
-        probes.dedup();
+        let probes = self.union_of_support(members);
         let fit = self.fit.map(|fit| {
             let place = |&member: &u32| self.receivers.positions()[member as usize];
             let bounds = members
@@ -154,8 +162,9 @@ impl TransportScene<'_> {
             }
             fit.leaf(bounds, &probes, &weights, self.probe_basis.len())
         });
-        let openings = fit.as_ref().and_then(|_| Openings::of(self, members));
-        TransportLeaf { probes, fit, openings }
+        let mut traced = Traced::new(self.cells);
+        let openings = fit.as_ref().and_then(|_| Openings::of(self, members, &mut traced));
+        TransportLeaf { probes, fit, openings, traced }
     }
 
     /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.
@@ -178,24 +187,21 @@ impl TransportScene<'_> {
         let mut unseen = Vec::with_capacity(members.len());
         let mut variance = Vec::new();
         let mut links = Vec::new();
-        let mut rays = RayCounts::default();
-        let mut workspace = kernel::Workspace::default();
+        let mut workspace = kernel::Workspace::after(leaf.traced.clone());
         let openings = leaf.openings.as_ref();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let support = self.support.of(member as usize);
-            let mut receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, openings, &mut workspace);
-            rays += receiver.rays;
+            let mut of_receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, openings, &mut workspace);
             if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
                 let mut correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 if !correction.is_made {
                     // Nothing takes out what few rays got wrong.
-                    receiver = kernel::receiver_rows(self, member as usize, LookUps::All, openings, &mut workspace);
-                    rays += receiver.rays;
+                    of_receiver = kernel::receiver_rows(self, member as usize, LookUps::All, openings, &mut workspace);
                     correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 }
                 variance.extend(correction.variance);
             }
-            unseen.push(receiver.unseen);
+            unseen.push(of_receiver);
             if self.near.is_some() {
                 // Gains have done their work.
                 links.push(Links { gains: Vec::new(), ..workspace.links.clone() });
@@ -209,6 +215,7 @@ impl TransportScene<'_> {
             }
         }
         let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
-        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, links, rays }
+        let Traced { counts: rays, crossed } = workspace.traced;
+        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, links, rays, crossed }
     }
 }

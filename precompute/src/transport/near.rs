@@ -20,16 +20,19 @@
 
 use super::{
     TransportScene,
+    digests::texels_around,
     kernel::{self, LookUps},
 };
 use crate::{
-    lightmap::{Atlas, ChartPyramid, Pieces, TexelMap},
+    digest::Digester,
+    lightmap::{Atlas, ChartPyramid, NEAREST_TEXEL, Pieces, TexelMap},
     morton,
     probes::{ProbeSet, Support},
     rays::{RayCaster, SurfaceHit},
 };
+use glam::Vec3;
 use localprt_formats::{NEAR_NODES, NEAR_TILE, NearTile, node_at};
-use localprt_scenes::Scene;
+use localprt_scenes::{FaceId, Scene};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -104,14 +107,7 @@ impl NearHit {
 impl NearField {
     /// Of the light map that `atlas` lays out and that covers `map`; every node that may be read is.
     pub fn new(caster: &RayCaster<'_>, atlas: Atlas, map: &TexelMap, probes: &ProbeSet, support: &Support) -> Self {
-        let spacing = probes.nearest_m();
-        let reach_m = (0..support.radius_m.len())
-            .map(|receiver| {
-                let of = support.of(receiver);
-                let sum: f32 = of.iter().map(|&id| spacing[id as usize]).sum();
-                REACH * if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
-            })
-            .collect();
+        let reach_m = support.spacing_m(probes).into_iter().map(|spacing_m| REACH * spacing_m).collect();
         let (charts, pieces) = (ChartPyramid::of(map), Pieces::of(caster, map));
         Self { atlas, charts, pieces, reach_m, least: LEAST }
     }
@@ -134,6 +130,33 @@ impl NearField {
         let links = (bytes - of_receiver).max(0.0) / of_link * count as f32;
         let least = gains.get(links as usize).map_or(LEAST, |gain| gain.next_up().max(LEAST));
         Self { least, ..self }
+    }
+
+    /// Takes in what all leaves read it with alike.
+    pub(super) fn digest(&self, digester: &mut Digester) {
+        digester.one(self.least).one(self.charts.size());
+    }
+
+    /// Takes in what a receiver reads it with.
+    pub(super) fn digest_of_receiver(&self, receiver: u32, digester: &mut Digester) {
+        digester.one(self.reach_m[receiver as usize]);
+    }
+
+    /// Takes in all that is read of a part of a face: a convex part, given by the barycentrics of its corners.
+    pub(super) fn digest_of_face(&self, face: FaceId, part: &[Vec3], digester: &mut Digester) {
+        let (corners, chart) = (self.atlas.corners[face.0 as usize], self.atlas.chart[face.0 as usize]);
+        digester.all(&corners);
+        let texels = texels_around(&corners, part, self.charts.size(), NEAREST_TEXEL + 1);
+        for level in 0..self.charts.n_levels() {
+            let size = self.charts.level_size(level);
+            for row in texels.above(level).rows(size) {
+                let state = |texel: usize| {
+                    let is_own = self.charts.is_of(level, texel as u32 % size, texel as u32 / size, chart);
+                    u8::from(is_own) | u8::from(self.pieces.is_one(level, texel as u32)) << 1
+                };
+                digester.all(&row.map(state).collect::<Vec<_>>());
+            }
+        }
     }
 
     /// φ: which share of the light of a ray of length `t` is read from the map (N3).

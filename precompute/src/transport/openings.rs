@@ -5,7 +5,7 @@
 //! traced only in directions in which receivers of the leaf, or gather rays of the receiver itself, see the sky. Where nothing stands
 //! before the sky, gather rays are enough.
 
-use super::TransportScene;
+use super::{TransportScene, traced::Traced};
 use glam::Vec3;
 
 /// Cells per side of an octahedron unfolded to a square.
@@ -26,7 +26,7 @@ pub(super) struct Openings {
 
 impl Openings {
     /// Of a leaf's receivers; `None` where there are none, or the sky is wide open.
-    pub fn of(scene: &TransportScene<'_>, members: &[u32]) -> Option<Self> {
+    pub fn of(scene: &TransportScene<'_>, members: &[u32], traced: &mut Traced) -> Option<Self> {
         let (mut is_seen, mut has_sky) = (vec![false; SIDE * SIDE], vec![false; SIDE * SIDE]);
         let looking = members.len().min(LOOKING);
         let one_in = (looking / LOOKS).max(1);
@@ -40,7 +40,7 @@ impl Openings {
             {
                 let cell = cell(ray.dir);
                 is_seen[cell] = true;
-                has_sky[cell] |= scene.caster.escapes(ray.origin, ray.dir);
+                has_sky[cell] |= traced.escapes(scene.caster, ray.origin, ray.dir);
             }
         }
         let count = |of: &[bool]| of.iter().filter(|&&is| is).count() as f32;

@@ -60,6 +60,14 @@ impl Emitters {
         self.triangles.is_empty()
     }
 
+    /// Shows what triangles there are, and how densely each is sampled.
+    pub fn digest(&self, show: &mut dyn FnMut(&[f32])) {
+        for Emitter { face, corners, .. } in &self.triangles {
+            let [a, b, c] = corners.map(|corner| corner.to_array());
+            show(&[&a[..], &b, &c, &[self.density[face.0 as usize]]].concat());
+        }
+    }
+
     /// A point of an emissive triangle.
     pub fn sample(&self, which: f64, [u, v]: [f64; 2]) -> (FaceId, Vec3) {
         let index = self.choice.choose(which);

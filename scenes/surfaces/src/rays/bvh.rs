@@ -109,7 +109,8 @@ impl Tree {
         Ok(Self { bvh, scale, triangles })
     }
 
-    /// Nearest hit with `0 < t < t_max` that `confirm` accepts (asked for masked triangles only).
+    /// Nearest hit with `0 < t < t_max` that `confirm` accepts (asked for masked triangles only); of equally near ones that on the
+    /// triangle given first, whatever the tree looks like.
     pub(super) fn closest_hit(
         &self,
         origin: Vec3,
@@ -123,10 +124,14 @@ impl Tree {
         let shear = Shear::new(origin, dir);
         let mut nearest: Option<TriangleHit> = None;
         let mut tree_hit = RayHit::none();
-        self.bvh.ray_traverse(self.ray(origin, dir, t_max), &mut tree_hit, |ray, id| {
+        self.bvh.ray_traverse(self.ray(origin, dir, t_max), &mut tree_hit, |_, id| {
             let triangle = &self.triangles[id];
-            match shear.intersect(triangle, ray.tmax / self.scale) {
-                Some(hit) if !triangle.masked || confirm(&hit) => {
+            // A tie has to pass for the comparison.
+            let t_max = nearest.map_or(t_max, |nearest| nearest.t.next_up());
+            let precedes =
+                |hit: &TriangleHit| nearest.is_none_or(|nearest| (hit.t, hit.triangle) < (nearest.t, nearest.triangle));
+            match shear.intersect(triangle, t_max) {
+                Some(hit) if precedes(&hit) && (!triangle.masked || confirm(&hit)) => {
                     nearest = Some(hit);
                     hit.t * self.scale
                 }

@@ -1,0 +1,290 @@
+//! Results by the digest of their inputs, in a folder that any number of bakes may share.
+//!
+//! A record is written beside its place and renamed into it, so that it appears whole or not at all; whoever writes the same
+//! record at the same time writes the same bytes. It carries its own checksum: a record that does not match it counts as absent,
+//! and is made anew. What cannot be written is not kept, and that is all: a cache never fails a bake.
+
+mod pack;
+
+pub use pack::{Packer, Unpacker};
+
+use crate::{
+    digest::Digest,
+    output::{OutputError, write_file},
+    progress::Progress,
+};
+use localprt_tools::hex;
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicU64, Ordering::Relaxed},
+    time::SystemTime,
+};
+
+/// First bytes of a record; the last one is the version of this layout.
+const MAGIC: [u8; 8] = *b"lprtrec\x01";
+/// Marks the folder as one that backups may leave out (bford.info/cachedir).
+const TAG: &str = "CACHEDIR.TAG";
+const TAG_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Results of precompute that it can make again.\n";
+
+/// A folder of results.
+pub struct Cache {
+    folder: PathBuf,
+    options: CacheOptions,
+    /// Bytes written by this process, and records that could not be.
+    written: AtomicU64,
+    failed: AtomicU64,
+}
+
+/// What a cache may do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CacheOptions {
+    /// Nothing is written, trimmed or removed.
+    pub read_only: bool,
+    /// Bytes that records may have in all when a bake ends; those used longest ago go first.
+    pub limit_bytes: u64,
+}
+
+impl Default for CacheOptions {
+    fn default() -> Self {
+        Self { read_only: false, limit_bytes: 16 << 30 }
+    }
+}
+
+/// What a cache holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CacheFacts {
+    /// Records.
+    pub records: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Records that do not match their checksum, where they were looked at.
+    pub damaged: u64,
+}
+
+struct RecordFile {
+    path: PathBuf,
+    bytes: u64,
+    used: SystemTime,
+}
+
+impl Cache {
+    /// The cache in a folder, which is made unless it is only read.
+    ///
+    /// # Errors
+    /// [`OutputError`] if it cannot be made, or written into.
+    pub fn open(folder: &Path, options: CacheOptions) -> Result<Self, OutputError> {
+        let cache = Self { folder: folder.to_owned(), options, written: AtomicU64::new(0), failed: AtomicU64::new(0) };
+        if !options.read_only {
+            fs::create_dir_all(folder).map_err(|cause| OutputError::write(folder, cause))?;
+            // Written each time: a folder that takes no file is known before any work is done.
+            write_file(&folder.join(TAG), TAG_TEXT.as_bytes())?;
+        }
+        Ok(cache)
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Content of a record; `None` if there is none that is whole.
+    pub fn get(&self, kind: &str, digest: &Digest) -> Option<Vec<u8>> {
+        let path = self.path(kind, digest);
+        let mut record = fs::read(&path).ok()?;
+        if !is_whole(&record) {
+            if !self.options.read_only {
+                fs::remove_file(&path).ok();
+            }
+            return None;
+        }
+        // Time of its last use, for trimming; whoever may not set it trims nothing either.
+        if !self.options.read_only {
+            fs::File::options().write(true).open(&path).and_then(|file| file.set_modified(SystemTime::now())).ok();
+        }
+        record.drain(..MAGIC.len() + size_of::<Digest>());
+        Some(record)
+    }
+
+    /// Whether there is a record, whole or not.
+    pub fn has(&self, kind: &str, digest: &Digest) -> bool {
+        self.path(kind, digest).is_file()
+    }
+
+    /// Keeps a record. What cannot be written is [noted](Cache::finish) at the end.
+    pub fn put(&self, kind: &str, digest: &Digest, content: &[u8]) {
+        if self.options.read_only {
+            return;
+        }
+        let record = [&MAGIC[..], blake3::hash(content).as_bytes(), content].concat();
+        match self.write(&self.path(kind, digest), &record) {
+            Ok(()) => self.written.fetch_add(record.len() as u64, Relaxed),
+            Err(_) => self.failed.fetch_add(1, Relaxed),
+        };
+    }
+
+    fn write(&self, path: &Path, record: &[u8]) -> io::Result<()> {
+        let folder = path.parent().unwrap_or(&self.folder);
+        fs::create_dir_all(folder)?;
+        let mut file = tempfile::Builder::new().prefix(".new").tempfile_in(folder)?;
+        io::Write::write_all(&mut file, record)?;
+        // Not synced: after a loss of power a record may be cut off, which its checksum tells.
+        file.persist(path).map(drop).map_err(|error| error.error)
+    }
+
+    /// Ends the use of a bake: says what could not be kept, and trims.
+    pub fn finish(&self, progress: &Progress) {
+        let failed = self.failed.swap(0, Relaxed);
+        if failed > 0 {
+            progress.note(&format!(
+                "{failed} results could not be kept in {}, of {} bytes in all so far: free some space, or name another place \
+                 with --cache",
+                self.folder.display(),
+                self.written.load(Relaxed)
+            ));
+        }
+        if !self.options.read_only && self.written.load(Relaxed) > 0 {
+            self.trim(self.options.limit_bytes);
+        }
+    }
+
+    /// Removes records until they have no more bytes than these in all: those used longest ago first. Returns how many bytes
+    /// went.
+    pub fn trim(&self, most_bytes: u64) -> u64 {
+        let mut records = self.records();
+        let mut left: u64 = records.iter().map(|record| record.bytes).sum();
+        let before = left;
+        records.sort_by(|a, b| (a.used, &a.path).cmp(&(b.used, &b.path)));
+        for record in records {
+            if left <= most_bytes {
+                break;
+            }
+            if fs::remove_file(&record.path).is_ok() {
+                left -= record.bytes;
+            }
+        }
+        before - left
+    }
+
+    /// What the cache holds.
+    pub fn facts(&self) -> CacheFacts {
+        let records = self.records();
+        let bytes = records.iter().map(|record| record.bytes).sum();
+        CacheFacts { records: records.len() as u64, bytes, damaged: 0 }
+    }
+
+    /// The same after every record was held against its checksum. Damaged ones are removed.
+    pub fn verify(&self) -> CacheFacts {
+        let mut facts = CacheFacts::default();
+        for record in self.records() {
+            facts.records += 1;
+            facts.bytes += record.bytes;
+            // One that is gone was trimmed by somebody else.
+            let Ok(content) = fs::read(&record.path) else { continue };
+            if !is_whole(&content) {
+                facts.damaged += 1;
+                if !self.options.read_only {
+                    fs::remove_file(&record.path).ok();
+                }
+            }
+        }
+        facts
+    }
+
+    fn records(&self) -> Vec<RecordFile> {
+        let folders = fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        let files = folders.filter(|path| path.is_dir()).flat_map(|folder| fs::read_dir(folder).into_iter().flatten());
+        files
+            .flatten()
+            .filter_map(|entry| {
+                let data = entry.metadata().ok().filter(fs::Metadata::is_file)?;
+                let used = data.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+                Some(RecordFile { path: entry.path(), bytes: data.len(), used })
+            })
+            .collect()
+    }
+
+    fn path(&self, kind: &str, digest: &Digest) -> PathBuf {
+        let name = hex(digest);
+        self.folder.join(&name[..2]).join(format!("{}.{kind}", &name[2..]))
+    }
+}
+
+/// A record with its checksum.
+fn is_whole(record: &[u8]) -> bool {
+    let Some(rest) = record.strip_prefix(&MAGIC) else { return false };
+    rest.split_first_chunk().is_some_and(|(checksum, content)| blake3::hash(content) == *checksum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(options: CacheOptions) -> (tempfile::TempDir, Cache) {
+        let folder = tempfile::tempdir().expect("folder");
+        let cache = Cache::open(folder.path(), CacheOptions::default()).expect("opens");
+        for number in 0..10u8 {
+            cache.put("thing", &[number; 32], &vec![number; 1000]);
+        }
+        let cache = Cache::open(folder.path(), options).expect("opens");
+        (folder, cache)
+    }
+
+    #[test]
+    fn records_come_back_and_damaged_ones_do_not() {
+        let (_folder, cache) = filled(CacheOptions::default());
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
+        assert_eq!(cache.get("other", &[3; 32]), None);
+        assert_eq!(cache.get("thing", &[77; 32]), None);
+        let path = cache.path("thing", &[3; 32]);
+        let whole = fs::read(&path).expect("there");
+        assert!(is_whole(&whole));
+        for length in [0, 5, 8, 39, 40, 500, whole.len() - 1] {
+            fs::write(&path, &whole[..length]).expect("written");
+            assert_eq!(cache.get("thing", &[3; 32]), None, "{length} bytes of it");
+            assert!(!path.exists(), "a damaged record is out of the way");
+        }
+        for byte in [0, 7, 9, 39, 40, 1039] {
+            let mut damaged = whole.clone();
+            damaged[byte] ^= 16;
+            fs::write(&path, &damaged).expect("written");
+            let facts = cache.verify();
+            assert_eq!((facts.records, facts.damaged), (10, 1), "byte {byte}");
+            assert_eq!(cache.verify().records, 9);
+        }
+        fs::write(&path, &whole).expect("written");
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
+    }
+
+    #[test]
+    fn those_used_longest_ago_are_trimmed_first() {
+        let (_folder, cache) = filled(CacheOptions::default());
+        let all = cache.facts();
+        assert_eq!((all.records, all.bytes), (10, 10_400));
+        for number in 0..10u8 {
+            let file = fs::File::options().write(true).open(cache.path("thing", &[number; 32])).expect("there");
+            let age = std::time::Duration::from_secs(1000 * u64::from(number) + 1000);
+            file.set_modified(SystemTime::now() - age).expect("set");
+        }
+        cache.get("thing", &[9; 32]).expect("used");
+        assert_eq!(cache.trim(5_000), 6_240);
+        let left: Vec<u8> = (0..10).filter(|&number| cache.has("thing", &[number; 32])).collect();
+        assert_eq!(left, [0, 1, 2, 9]);
+        assert_eq!(cache.trim(5_000), 0);
+    }
+
+    #[test]
+    fn what_is_only_read_stays_as_it_is() {
+        let (_folder, cache) = filled(CacheOptions { read_only: true, ..CacheOptions::default() });
+        cache.put("thing", &[50; 32], &[1]);
+        let path = cache.path("thing", &[3; 32]);
+        fs::write(&path, [1, 2, 3]).expect("written");
+        assert_eq!((cache.get("thing", &[50; 32]), cache.get("thing", &[3; 32])), (None, None));
+        assert!(path.exists() && cache.verify().damaged == 1 && path.exists());
+        // Nor does it have to be there.
+        let nowhere = Path::new("/nowhere/at/all");
+        let options = CacheOptions { read_only: true, ..CacheOptions::default() };
+        assert_eq!(Cache::open(nowhere, options).expect("opens").facts(), CacheFacts::default());
+        assert!(Cache::open(Path::new("/dev/null/cache"), CacheOptions::default()).is_err());
+    }
+}

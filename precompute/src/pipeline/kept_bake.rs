@@ -1,0 +1,70 @@
+//! Whole bakes that a cache knows: what was written, and the report of it. A bake whose files are still what it would write has
+//! nothing to do.
+
+use super::{Written, leaf_cache::code};
+use crate::{
+    cache::{Cache, Packer, Unpacker},
+    digest::{Digest, Digester},
+    report::{BakeReport, CacheUse},
+    settings::BakeSettings,
+};
+use localprt_scenes::Scene;
+use std::{fs::File, path::Path};
+
+/// Records of bakes.
+const BAKE: &str = "bake";
+
+/// A cache with the place of one bake: of a scene, as it was read from a file, by some options into files of some names.
+pub struct KeptBake<'a> {
+    cache: &'a Cache,
+    digest: Digest,
+    output: &'a Path,
+    scene: &'a Path,
+}
+
+impl<'a> KeptBake<'a> {
+    /// `output` is the baked file, and `scene` where the scene goes, if it is written; `source` is where it was read from.
+    pub fn of(
+        cache: &'a Cache,
+        read: &Scene,
+        settings: &BakeSettings,
+        output: &'a Path,
+        scene: &'a Path,
+        source: &str,
+    ) -> Self {
+        let mut digester = Digester::new("bake");
+        code(&mut digester);
+        digester.one(read.hash).all(settings.to_toml().as_bytes()).all(source.as_bytes());
+        for path in [output, scene] {
+            digester.all(path.as_os_str().as_encoded_bytes());
+        }
+        Self { cache, digest: digester.finish(), output, scene }
+    }
+
+    /// The report of the bake, if its files are there and as it wrote them.
+    pub fn find(&self) -> Option<BakeReport> {
+        let record = self.cache.get(BAKE, &self.digest)?;
+        let mut record = Unpacker::new(&record);
+        let (files, report): (Vec<Digest>, Vec<u8>) = (record.take()?, record.take()?);
+        let found = [self.output, self.scene].into_iter().zip(&files);
+        let is_there = found.into_iter().all(|(path, digest)| digest_of_file(path).as_ref() == Some(digest));
+        let report: BakeReport = serde_json::from_slice(&report).ok()?;
+        let of_cache = |leaves: CacheUse| CacheUse { reused: leaves.reused + leaves.baked, baked: 0 };
+        is_there.then(|| BakeReport { cache: report.cache.map(of_cache), ..report })
+    }
+
+    /// Keeps what was written.
+    pub fn keep(&self, written: &Written) {
+        let files = [Some(self.output), Some(self.scene).filter(|_| written.is_scene_new)].into_iter().flatten();
+        let Some(files) = files.map(digest_of_file).collect::<Option<Vec<Digest>>>() else { return };
+        let mut packer = Packer::default();
+        packer.put(&files).put(written.report.to_json().as_bytes());
+        self.cache.put(BAKE, &self.digest, &packer.finish());
+    }
+}
+
+fn digest_of_file(path: &Path) -> Option<Digest> {
+    let mut digest = blake3::Hasher::new();
+    digest.update_reader(File::open(path).ok()?).ok()?;
+    Some(*digest.finalize().as_bytes())
+}

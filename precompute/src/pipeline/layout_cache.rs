@@ -1,0 +1,177 @@
+//! Layouts by the scene and the options that they are made from, kept from bake to bake: the meshes of the scene as it is written,
+//! cut and with their coordinates, and which materials are still double-sided. All else of the scene is what it was.
+
+use super::leaf_cache::code;
+use crate::{
+    cache::{Cache, Packer, Unpacker},
+    digest::{Digest, Digester},
+    lightmap::LayoutReport,
+    scene_digests::digest_of_scene,
+    settings::BakeSettings,
+};
+use localprt_scenes::{LightmapWish, Mesh, Scene};
+
+/// Records of layouts.
+const LAYOUT: &str = "layout";
+
+/// A cache with the place of one layout.
+pub(super) struct LayoutCache<'a> {
+    cache: &'a Cache,
+    digest: Digest,
+}
+
+impl<'a> LayoutCache<'a> {
+    pub(super) fn of(cache: &'a Cache, scene: &Scene, settings: &BakeSettings) -> Self {
+        let mut digester = Digester::new("layout");
+        code(&mut digester);
+        digester.one(digest_of_scene(scene)).all(of_layout(settings).to_toml().as_bytes());
+        Self { cache, digest: digester.finish() }
+    }
+
+    /// The scene with the kept layout, if there is one.
+    pub(super) fn find(&self, scene: &Scene) -> Option<(Scene, LayoutReport)> {
+        unpack(&self.cache.get(LAYOUT, &self.digest)?, scene)
+    }
+
+    /// Keeps the layout of a scene.
+    pub(super) fn keep(&self, scene: &Scene, layout: &LayoutReport) {
+        self.cache.put(LAYOUT, &self.digest, &pack(scene, layout));
+    }
+}
+
+/// The options without those that come into play only once receivers stand.
+fn of_layout(settings: &BakeSettings) -> BakeSettings {
+    let default = BakeSettings::default();
+    BakeSettings {
+        overlap: default.overlap,
+        min_overlap: default.min_overlap,
+        repair: default.repair,
+        standoff: default.standoff,
+        probe_degree: default.probe_degree,
+        receiver_degree: default.receiver_degree,
+        sky_degree: default.sky_degree,
+        gather_rays: default.gather_rays,
+        relight_rays: default.relight_rays,
+        transport: default.transport,
+        near_bytes: default.near_bytes,
+        volume: default.volume,
+        volume_degree: default.volume_degree,
+        leaf: default.leaf,
+        threshold: default.threshold,
+        coefficients: default.coefficients,
+        max_unseen: default.max_unseen,
+        ..settings.clone()
+    }
+}
+
+fn pack(scene: &Scene, layout: &LayoutReport) -> Vec<u8> {
+    let LayoutReport { kept: _, reason, back_faces, size, charts } = layout;
+    let mut packer = Packer::default();
+    packer
+        .put(&[
+            *back_faces as u64,
+            (*size).into(),
+            (*charts).into(),
+            scene.light_map_set.map_or(u64::MAX, |set| set as u64),
+        ])
+        .put(reason.as_deref().unwrap_or_default().as_bytes())
+        .put(&scene.materials.iter().map(|material| u8::from(material.double_sided)).collect::<Vec<_>>())
+        .put(&[scene.meshes.len() as u64]);
+    for mesh in &scene.meshes {
+        let Mesh { name, source, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } = mesh;
+        packer
+            .put(name.as_bytes())
+            .put(source.as_bytes())
+            .put(&[*material as u64, lightmap.bake.into(), lightmap.texel_scale.to_bits().into(), uv_sets.len() as u64])
+            .put(positions)
+            .put(normals)
+            .put(tangents)
+            .put(colors)
+            .put(triangles);
+        uv_sets.iter().for_each(|set| {
+            packer.put(set);
+        });
+    }
+    packer.finish()
+}
+
+fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport)> {
+    let mut record = Unpacker::new(record);
+    let text = |record: &mut Unpacker<'_>| String::from_utf8(record.take()?).ok();
+    let [back_faces, size, charts, set]: [u64; 4] = record.take()?.try_into().ok()?;
+    let reason = Some(text(&mut record)?).filter(|reason| !reason.is_empty());
+    let layout = LayoutReport {
+        kept: false,
+        reason,
+        back_faces: back_faces as usize,
+        size: size.try_into().ok()?,
+        charts: charts.try_into().ok()?,
+    };
+    let mesh = |record: &mut Unpacker<'_>| -> Option<Mesh> {
+        let (name, source) = (text(record)?, text(record)?);
+        let [material, bake, texel_scale, n_sets]: [u64; 4] = record.take()?.try_into().ok()?;
+        let lightmap = LightmapWish { texel_scale: f32::from_bits(texel_scale as u32), bake: bake != 0 };
+        Some(Mesh {
+            name,
+            source,
+            material: material as usize,
+            lightmap,
+            positions: record.take()?,
+            normals: record.take()?,
+            tangents: record.take()?,
+            colors: record.take()?,
+            triangles: record.take()?,
+            uv_sets: (0..n_sets).map(|_| record.take()).collect::<Option<_>>()?,
+        })
+    };
+    let double_sided: Vec<u8> = record.take()?;
+    let mut scene = Scene { meshes: Vec::new(), ..scene.clone() };
+    for (material, double_sided) in scene.materials.iter_mut().zip(double_sided) {
+        material.double_sided = double_sided != 0;
+    }
+    let n_meshes: u64 = record.one()?;
+    let meshes = (0..n_meshes).map(|_| mesh(&mut record)).collect::<Option<Vec<_>>>()?;
+    let light_map_set = (set != u64::MAX).then_some(set as usize);
+    record.is_done().then(|| (Scene { meshes, light_map_set, ..scene }, layout))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{cache::CacheOptions, pipeline::bake, progress::Progress};
+    use localprt_scenes::builtin;
+
+    #[test]
+    fn a_kept_layout_is_the_same_scene_and_another_scene_or_option_has_another() {
+        let folder = tempfile::tempdir().expect("folder");
+        let cache = Cache::open(folder.path(), CacheOptions::default()).expect("opens");
+        let mut scene = builtin::scene("blinds").expect("a scene");
+        // Faces of both sides become two.
+        scene.materials[0].double_sided = true;
+        let settings = BakeSettings {
+            probes: Some(8),
+            receivers: 400,
+            direct_map: 64,
+            gather_rays: 8,
+            relight_rays: 64,
+            ..BakeSettings::default()
+        };
+        let laid_out = bake(scene.clone(), &settings, &Progress::silent()).expect("bakes").scene;
+        let layout = LayoutReport { reason: Some("none".into()), back_faces: 3, size: 64, charts: 9, kept: false };
+        LayoutCache::of(&cache, &scene, &settings).keep(&laid_out, &layout);
+        let (found, report) = LayoutCache::of(&cache, &scene, &settings).find(&scene).expect("kept");
+        assert_eq!(format!("{found:?}"), format!("{laid_out:?}"));
+        assert_eq!(format!("{report:?}"), format!("{layout:?}"));
+
+        let is_known =
+            |scene: &Scene, settings: &BakeSettings| LayoutCache::of(&cache, scene, settings).find(scene).is_some();
+        assert!(is_known(&scene, &BakeSettings { threshold: 0.1, gather_rays: 9, ..settings.clone() }));
+        assert!(!is_known(&scene, &BakeSettings { receivers: 401, ..settings.clone() }));
+        let mut moved = scene.clone();
+        moved.meshes[0].positions[0].x += 1e-3;
+        assert!(!is_known(&moved, &settings));
+        let mut named = scene.clone();
+        named.materials[0].name = "another".into();
+        assert!(is_known(&named, &settings));
+    }
+}

@@ -1,0 +1,339 @@
+//! Finished leaves by what they depend on, kept from bake to bake.
+//!
+//! What a leaf depends on is known in two steps. Before any ray is traced: the code, the options, its receivers, its probes and what
+//! they see; that is its key. Which parts of the scene its rays meet is known only afterwards: the coarse cells that they crossed
+//! are kept under the key, and the leaf under the key with the digest of what stood in those cells. A leaf is looked up by finding
+//! the cells, and then whether it was baked when they held what they hold now.
+
+use super::leaf::LeafTransport;
+use crate::{
+    cache::{Cache, Packer, Unpacker},
+    cells::{CellGrid, CellSet},
+    clusters::RefineSettings,
+    digest::{Digest, Digester},
+    transport::{CellContents, RayCounts, TransportScene},
+};
+use localprt_formats::{NearArrays, TransportBlock};
+
+/// Records: cells of a key, and leaves.
+const CELLS: &str = "cells";
+const LEAF: &str = "leaf";
+/// Sets of cells that are kept for a key, at most: those of the last edits.
+const MOST_SETS: usize = 8;
+
+/// The leaves of one transport stage in a cache.
+pub(super) struct LeafCache<'a> {
+    cache: &'a Cache,
+    contents: CellContents,
+    /// Digest of the code, the options and what else all leaves share.
+    shared: Digest,
+    /// `[n_probes]`.
+    probes: Vec<Digest>,
+}
+
+/// Where a leaf is kept.
+pub(super) struct LeafKey {
+    digest: Digest,
+    /// Its probes, by whose places the record names them.
+    probes: Vec<u32>,
+}
+
+impl<'a> LeafCache<'a> {
+    /// Of a stage whose rays note the cells that they cross.
+    pub(super) fn of(cache: &'a Cache, transport: &TransportScene<'_>, refining: &RefineSettings) -> Option<Self> {
+        let contents = CellContents::of(transport)?;
+        let RefineSettings { threshold, max_coefficients, n_sh, n_sky } = *refining;
+        let mut digester = Digester::new("leaves");
+        code(&mut digester);
+        digester.one(transport.digest()).one(threshold).one([max_coefficients as u64, n_sh as u64, n_sky as u64]);
+        Some(Self { cache, contents, shared: digester.finish(), probes: transport.digests_of_probes() })
+    }
+
+    /// The key of a leaf.
+    pub(super) fn key(&self, transport: &TransportScene<'_>, members: &[u32]) -> LeafKey {
+        let mut digester = Digester::new("leaf");
+        digester.one(self.shared);
+        transport.digest_of_leaf(members, &self.probes, &mut digester);
+        LeafKey { digest: digester.finish(), probes: transport.union_of_support(members) }
+    }
+
+    /// The leaf as it was kept, if nothing that it depends on is new.
+    pub(super) fn find(&self, key: &LeafKey, members: &[u32]) -> Option<LeafTransport> {
+        let sets = self.cells(key);
+        let record = sets.iter().find_map(|set| self.cache.get(LEAF, &self.of_leaf(key, set)))?;
+        unpack(&record, members, &key.probes)
+    }
+
+    /// Keeps a leaf and the cells that its rays crossed.
+    pub(super) fn keep(&self, key: &LeafKey, members: &[u32], leaf: &LeafTransport, crossed: &CellSet) {
+        let mut sets = self.cells(key);
+        if !sets.contains(crossed) {
+            sets.insert(0, crossed.clone());
+            sets.truncate(MOST_SETS);
+            self.cache.put(CELLS, &key.digest, &pack_sets(&sets));
+        }
+        self.cache.put(LEAF, &self.of_leaf(key, crossed), &pack(leaf, members, &key.probes));
+    }
+
+    /// Sets of cells that rays of leaves of this key crossed, the latest first.
+    fn cells(&self, key: &LeafKey) -> Vec<CellSet> {
+        let record = self.cache.get(CELLS, &key.digest);
+        record.and_then(|record| unpack_sets(&record, self.contents.grid())).unwrap_or_default()
+    }
+
+    fn of_leaf(&self, key: &LeafKey, crossed: &CellSet) -> Digest {
+        Digester::new("kept leaf").one(key.digest).one(self.contents.digest(crossed)).finish()
+    }
+}
+
+/// Takes in the code that makes results, and what of the processor they depend on: matrices are multiplied with the widest
+/// instructions there are, which round in other places.
+pub(super) fn code(digester: &mut Digester) {
+    digester.all(env!("LOCALPRT_CODE").as_bytes()).all(std::env::consts::ARCH.as_bytes());
+    #[cfg(target_arch = "x86_64")]
+    digester.one([
+        u8::from(std::arch::is_x86_feature_detected!("avx2")),
+        u8::from(std::arch::is_x86_feature_detected!("fma")),
+        u8::from(std::arch::is_x86_feature_detected!("avx512f")),
+    ]);
+}
+
+/// Words of each set without the zeros: how many follow, and then those that are not.
+fn pack_sets(sets: &[CellSet]) -> Vec<u8> {
+    let mut packer = Packer::default();
+    for set in sets {
+        let (mut runs, mut words): (Vec<[u32; 2]>, Vec<u64>) = Default::default();
+        for run in set.words().chunk_by(|a, b| (*a == 0) == (*b == 0)) {
+            match run[0] {
+                0 => runs.push([run.len() as u32, 0]),
+                _ => {
+                    if runs.last().is_none_or(|run| run[1] > 0) {
+                        runs.push([0, 0]);
+                    }
+                    runs.last_mut().expect("one is there")[1] = run.len() as u32;
+                    words.extend(run);
+                }
+            }
+        }
+        packer.put(&runs).put(&words);
+    }
+    packer.finish()
+}
+
+fn unpack_sets(record: &[u8], grid: CellGrid) -> Option<Vec<CellSet>> {
+    let mut unpacker = Unpacker::new(record);
+    let mut sets = Vec::new();
+    while !unpacker.is_done() {
+        let (runs, words): (Vec<[u32; 2]>, Vec<u64>) = (unpacker.take()?, unpacker.take()?);
+        let mut words = words.into_iter();
+        let mut all = Vec::new();
+        for [zeros, others] in runs {
+            if all.len() + zeros as usize + others as usize > grid.len() {
+                return None;
+            }
+            all.resize(all.len() + zeros as usize, 0);
+            all.extend(words.by_ref().take(others as usize));
+        }
+        sets.push(CellSet::from_words(grid, all)?);
+    }
+    Some(sets)
+}
+
+/// Receivers and probes by their places among those of the leaf: their numbers may be others in the next bake.
+fn pack(leaf: &LeafTransport, members: &[u32], probes: &[u32]) -> Vec<u8> {
+    let LeafTransport { block, members: stored, unseen, row_error_squared, rays } = leaf;
+    let TransportBlock { clusters, cluster_probes, projection, reconstruction, near } = block;
+    let NearArrays { tiles, nodes, counts, links, weights } = near;
+    let mut by_number: Vec<(u32, u32)> = members.iter().copied().zip(0..).collect();
+    by_number.sort_unstable();
+    let member = |number: &u32| by_number[by_number.partition_point(|(other, _)| other < number)].1;
+    let probe = |number: &u32| probes.partition_point(|other| other < number) as u32;
+    let mut packer = Packer::default();
+    packer
+        .put(clusters)
+        .put(&cluster_probes.iter().map(probe).collect::<Vec<_>>())
+        .put(projection)
+        .put(reconstruction)
+        .put(tiles)
+        .put(nodes)
+        .put(counts)
+        .put(links)
+        .put(weights)
+        .put(&stored.iter().map(member).collect::<Vec<_>>())
+        .put(unseen)
+        .put(row_error_squared)
+        .put(&[[rays.gather, rays.visibility]]);
+    packer.finish()
+}
+
+fn unpack(record: &[u8], members: &[u32], probes: &[u32]) -> Option<LeafTransport> {
+    let mut record = Unpacker::new(record);
+    let numbers = |places: Vec<u32>, of: &[u32]| -> Option<Vec<u32>> {
+        places.into_iter().map(|place| of.get(place as usize).copied()).collect()
+    };
+    let leaf = LeafTransport {
+        block: TransportBlock {
+            clusters: record.take()?,
+            cluster_probes: numbers(record.take()?, probes)?,
+            projection: record.take()?,
+            reconstruction: record.take()?,
+            near: NearArrays {
+                tiles: record.take()?,
+                nodes: record.take()?,
+                counts: record.take()?,
+                links: record.take()?,
+                weights: record.take()?,
+            },
+        },
+        members: numbers(record.take()?, members)?,
+        unseen: record.take()?,
+        row_error_squared: record.take()?,
+        rays: record.one::<[u64; 2]>().map(|[gather, visibility]| RayCounts { gather, visibility })?,
+    };
+    (record.is_done() && leaf.members.len() == members.len() && leaf.unseen.len() == members.len()).then_some(leaf)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{bake, bake_with};
+    use super::*;
+    use crate::{
+        cache::CacheOptions,
+        progress::Progress,
+        report::CacheUse,
+        settings::{BakeSettings, Transport},
+    };
+    use glam::Vec4;
+    use localprt_formats::{BakedArrays, directions::counter_hash};
+    use localprt_scenes::{AlphaMode, Scene, builtin};
+
+    fn small() -> BakeSettings {
+        BakeSettings {
+            probes: Some(24),
+            receivers: 1500,
+            direct_map: 64,
+            gather_rays: 32,
+            relight_rays: 64,
+            leaf: 64,
+            ..BakeSettings::default()
+        }
+    }
+
+    /// Two closed rooms so far from each other that they share no probes.
+    fn rooms() -> Scene {
+        let mut scene = builtin::scene("two-rooms").expect("a scene");
+        for mesh in scene.meshes.iter_mut().filter(|mesh| mesh.name.starts_with("right")) {
+            mesh.positions.iter_mut().for_each(|position| position.x += 40.0);
+        }
+        scene
+    }
+
+    fn cached(scene: &Scene, settings: &BakeSettings, cache: &Cache) -> (BakedArrays, CacheUse) {
+        let baked = bake_with(scene.clone(), settings, Some(cache), &Progress::silent()).expect("bakes");
+        (baked.arrays, baked.report.cache.expect("a cache is used"))
+    }
+
+    fn clean(scene: &Scene, settings: &BakeSettings) -> BakedArrays {
+        bake(scene.clone(), settings, &Progress::silent()).expect("bakes").arrays
+    }
+
+    fn open(folder: &tempfile::TempDir) -> Cache {
+        Cache::open(folder.path(), CacheOptions::default()).expect("opens")
+    }
+
+    #[test]
+    fn a_second_bake_makes_nothing_and_gives_the_same() {
+        let folder = tempfile::tempdir().expect("folder");
+        let scene = rooms();
+        let paper = BakeSettings { transport: Transport::Paper, receiver_degree: 1, ..small() };
+        for settings in [BakeSettings { volume: Some(1.0), ..small() }, paper] {
+            let expected = clean(&scene, &settings);
+            let (first, of_first) = cached(&scene, &settings, &open(&folder));
+            let (second, of_second) = cached(&scene, &settings, &open(&folder));
+            assert!(first == expected && second == expected);
+            assert!(of_first.reused == 0 && of_first.baked > 20, "{of_first:?}");
+            assert_eq!(of_second, CacheUse { reused: of_first.baked, baked: 0 });
+        }
+    }
+
+    #[test]
+    fn damaged_and_missing_records_are_made_anew() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (scene, settings) = (builtin::scene("cornell").expect("a scene"), small());
+        let (expected, of_first) = cached(&scene, &settings, &open(&folder));
+        let records = || {
+            let folders = std::fs::read_dir(folder.path()).expect("there").flatten().map(|entry| entry.path());
+            let mut files: Vec<_> = folders
+                .filter(|path| path.is_dir())
+                .flat_map(|path| std::fs::read_dir(path).expect("there").flatten().map(|entry| entry.path()))
+                .collect();
+            files.sort();
+            files
+        };
+        for (number, path) in records().into_iter().enumerate() {
+            let mut bytes = std::fs::read(&path).expect("there");
+            match counter_hash(3, 0, number as u64) % 4 {
+                0 => std::fs::remove_file(&path).expect("removed"),
+                1 => std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written"),
+                2 => {
+                    let place = counter_hash(3, 1, number as u64) as usize % bytes.len();
+                    bytes[place] ^= 1;
+                    std::fs::write(&path, &bytes).expect("written");
+                }
+                _ => {}
+            }
+        }
+        let (mended, of_second) = cached(&scene, &settings, &open(&folder));
+        assert!(mended == expected);
+        assert!(of_second.reused > 0 && of_second.baked > 0, "{of_second:?} after {of_first:?}");
+        assert_eq!(cached(&scene, &settings, &open(&folder)).1.baked, 0);
+    }
+
+    /// Each changes something in one of the rooms.
+    fn edits() -> Vec<(&'static str, fn(&mut Scene))> {
+        fn of_room(scene: &mut Scene) -> usize {
+            // A mesh of the right one gets a material of its own.
+            let mesh = scene.meshes.iter_mut().find(|mesh| mesh.name == "right floor").expect("a floor");
+            scene.materials.push(scene.materials[mesh.material].clone());
+            mesh.material = scene.materials.len() - 1;
+            scene.materials.len() - 1
+        }
+        vec![
+            ("albedo", |scene| {
+                let material = of_room(scene);
+                scene.materials[material].base_color = Vec4::new(0.1, 0.2, 0.7, 1.0);
+            }),
+            ("mask", |scene| {
+                let material = of_room(scene);
+                scene.materials[material].alpha = AlphaMode::Mask { cutoff: 0.5 };
+            }),
+            ("name", |scene| {
+                let material = of_room(scene);
+                scene.materials[material].name = "another".into();
+            }),
+            ("roughness", |scene| {
+                let material = of_room(scene);
+                scene.materials[material].roughness = 0.1;
+            }),
+        ]
+    }
+
+    #[test]
+    fn after_an_edit_the_file_is_that_of_a_clean_bake() {
+        let folder = tempfile::tempdir().expect("folder");
+        let (scene, settings) = (rooms(), small());
+        let all = cached(&scene, &settings, &open(&folder)).1.baked;
+        for (name, edit) in edits() {
+            let mut edited = scene.clone();
+            edit(&mut edited);
+            let expected = clean(&edited, &settings);
+            let (found, leaves) = cached(&edited, &settings, &open(&folder));
+            assert!(found == expected, "{name}");
+            let is_seen = matches!(name, "albedo" | "mask");
+            assert_eq!(leaves.baked > 0, is_seen, "{name}: {leaves:?}");
+            assert!(leaves.reused > all / 4, "{name}: {leaves:?}: the other room is as it was");
+        }
+        // Nothing is lost by it.
+        assert_eq!(cached(&scene, &settings, &open(&folder)).1, CacheUse { reused: all, baked: 0 });
+    }
+}

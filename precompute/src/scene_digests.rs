@@ -1,0 +1,63 @@
+//! Digests of a scene: of all that a bake reads of it, and of its materials one by one.
+
+use crate::digest::{Digest, Digester};
+use glam::Vec3;
+use localprt_scenes::{AlphaMode, Material, Mesh, Scene, TextureRef, Wrap};
+use rayon::prelude::*;
+
+/// Of all that a bake reads of a scene: not its lights, nor names, nor what its materials look like beyond what rays read.
+pub fn digest_of_scene(scene: &Scene) -> Digest {
+    let materials = digests_of_materials(scene);
+    let of_mesh = |mesh: &Mesh| {
+        let mut digester = Digester::new("mesh");
+        let Mesh { positions, normals, uv_sets, colors, triangles, lightmap, .. } = mesh;
+        digester.one(materials[mesh.material]).all(positions).all(normals).one(uv_sets.len() as u64);
+        uv_sets.iter().for_each(|set| {
+            digester.all(set);
+        });
+        digester.all(&colors.iter().map(|color| color.to_array()).collect::<Vec<_>>()).all(triangles);
+        digester.one(lightmap.texel_scale).one(u8::from(lightmap.bake)).finish()
+    };
+    let mut digester = Digester::new("scene");
+    let set = scene.light_map_set.map_or(u64::MAX, |set| set as u64);
+    digester.one(set).all(&scene.meshes.par_iter().map(of_mesh).collect::<Vec<_>>());
+    for camera in &scene.cameras {
+        digester.one(camera.to_world.to_cols_array());
+    }
+    digester.finish()
+}
+
+/// `[n_materials]` of what rays read of each: nothing that only a camera sees.
+pub fn digests_of_materials(scene: &Scene) -> Vec<Digest> {
+    let images: Vec<Digest> = scene
+        .images
+        .par_iter()
+        .map(|image| Digester::new("image").one([image.width, image.height]).all(&image.rgba).finish())
+        .collect();
+    let texture = |reference: &Option<TextureRef>, digester: &mut Digester| {
+        let Some(TextureRef { texture, transform, .. }) = reference else {
+            digester.one(0u8);
+            return;
+        };
+        let texture = &scene.textures[*texture];
+        let wrap = |wrap: Wrap| wrap as u8;
+        digester
+            .one(1u8)
+            .one(images[texture.image])
+            .one([wrap(texture.wrap_u), wrap(texture.wrap_v), u8::from(texture.nearest)])
+            .one(transform.to_cols_array());
+    };
+    let of_material = |material: &Material| {
+        let mut digester = Digester::new("material");
+        let alpha = match material.alpha {
+            AlphaMode::Opaque => [0.0, 0.0],
+            AlphaMode::Mask { cutoff } => [1.0, cutoff],
+            AlphaMode::Blend => [2.0, 0.0],
+        };
+        let flags = [u8::from(material.double_sided), u8::from(material.emission != Vec3::ZERO)];
+        digester.one(material.base_color.to_array()).one(alpha).one(flags);
+        texture(&material.base_color_texture, &mut digester);
+        digester.finish()
+    };
+    scene.materials.iter().map(of_material).collect()
+}
