@@ -91,7 +91,7 @@ pub fn bake_with(
 
     // Probes, what supports whom, and what each sees.
     let placed = Placed::of(&caster, space, receivers, volume, settings, progress)?;
-    let mut views = Views::of(&caster, &atlas, &laid_out, (&placed.probes, &placed.support), settings, progress)?;
+    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, settings, progress)?;
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
     let transported = Transported::of(&caster, receivers, &placed, &mut views, settings, cache, progress)?;

@@ -149,19 +149,26 @@ fn after_kills_the_next_bake_goes_on_and_the_file_is_the_same() {
     let long = ["--gather-rays", "4096"];
     let expected = clean(&long);
     fs::write(folder.join("a.lprt"), "old").expect("written");
+    let kept = || {
+        let is_leaf = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "leaf");
+        below(folder).iter().filter(|path| is_leaf(path)).count()
+    };
     for attempt in 0..6 {
+        let before = kept();
         let mut child =
             bake_command(folder, &long).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
-        sleep(Duration::from_millis(300 + 300 * attempt));
+        // Before any leaf, and after some more each time.
+        sleep(Duration::from_millis(100));
+        while attempt > 0 && kept() < before + attempt && child.try_wait().expect("asked").is_none() {
+            sleep(Duration::from_millis(5));
+        }
         child.kill().expect("killed, or at its end");
         let is_done = child.wait().expect("ends").success();
         let found = fs::read(folder.join("a.lprt")).expect("there");
         assert!(found == expected[0] || !is_done && found == b"old");
-        if is_done {
-            break;
-        }
     }
+    let at_least = kept() as u64;
     let [reused, _] = bake(folder, &long);
-    assert!(reused > 0, "what was finished is not made again");
+    assert!(at_least >= 10 && reused >= at_least, "{reused} of {at_least}: what was finished is not made again");
     assert!(files(folder) == expected);
 }

@@ -301,7 +301,7 @@ mod tests {
         vec![
             ("albedo", |scene| {
                 let material = of_room(scene);
-                scene.materials[material].base_color = Vec4::new(0.1, 0.2, 0.7, 1.0);
+                scene.materials[material].base_color = Vec4::new(0.5, 0.36, 0.3, 1.0);
             }),
             ("mask", |scene| {
                 let material = of_room(scene);

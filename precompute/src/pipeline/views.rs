@@ -8,7 +8,7 @@ use crate::{
         texels::{self, ReceiverMap},
     },
     probe_views::ProbeDirections,
-    probes::{ProbeSet, Support},
+    probes::ProbeSet,
     progress::Progress,
     rays::RayCaster,
     relight_rays::{LightMapLookups, RelightRays},
@@ -33,13 +33,13 @@ impl Views {
         caster: &RayCaster<'_>,
         atlas: &Atlas,
         LaidOut { layout, receivers, .. }: &LaidOut,
-        (probes, support): (&ProbeSet, &Support),
+        probes: &ProbeSet,
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
         let prior = (settings.transport == Transport::Fitted).then(|| {
             let _stage = progress.stage("fit", 0);
-            FitPrior::of(caster, atlas, receivers, probes, support)
+            FitPrior::of(caster, atlas, receivers, probes)
         });
         progress.check()?;
         let _stage = progress.stage("relight rays", 0);

@@ -76,17 +76,6 @@ impl Support {
     pub fn of(&self, receiver: usize) -> &[u32] {
         &self.probes[self.start[receiver] as usize..self.start[receiver + 1] as usize]
     }
-
-    /// `[n_receivers]` distance from the probes that support each to the nearest others, on average, metres.
-    pub fn spacing_m(&self, probes: &ProbeSet) -> Vec<f32> {
-        let nearest_m = probes.nearest_m();
-        let spacing = |receiver: usize| {
-            let of = self.of(receiver);
-            let sum: f32 = of.iter().map(|&id| nearest_m[id as usize]).sum();
-            if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
-        };
-        (0..self.radius_m.len()).map(spacing).collect()
-    }
 }
 
 /// What placement did, for the bake report.

@@ -24,8 +24,8 @@ pub(super) struct Found {
     pub hit_weights: Vec<f32>,
     /// `[n_supporting]` weight kernel times the share of the surface points that the probe sees, cosine-weighted.
     pub seen_weights: Vec<f32>,
-    /// `[n_k]` weights of the rays that met surfaces which no supporting probe sees: each times s, and each.
-    pub unseen: Vec<[f32; 2]>,
+    /// `[n_k]` what surfaces that no supporting probe sees reflect, in the modes that all surfaces have in common.
+    pub unseen_common: Vec<[f32; COMMON]>,
     /// Cosine-weighted share of the surface points that a supporting probe sees.
     pub seen_share: f32,
 }
@@ -37,15 +37,14 @@ impl Found {
         self.hit_weights.clear();
         self.seen_weights.clear();
         self.seen_weights.resize(n_supporting, 0.0);
-        self.unseen.clear();
-        self.unseen.resize(n_k, [0.0; 2]);
+        self.unseen_common.clear();
+        self.unseen_common.resize(n_k, [0.0; COMMON]);
     }
 
-    /// Takes in a surface point that no probe sees.
-    pub(super) fn add_unseen(&mut self, surface: Surface, weights: &[f32]) {
-        for ([scaled, plain], weight) in self.unseen.iter_mut().zip(weights) {
-            *scaled += weight * surface.scale;
-            *plain += weight;
+    /// Takes in a surface point that no probe sees, with what it has in common with all others.
+    pub(super) fn add_unseen(&mut self, common: [f32; COMMON], weights: &[f32]) {
+        for (sums, weight) in self.unseen_common.iter_mut().zip(weights) {
+            sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += weight * common);
         }
     }
 

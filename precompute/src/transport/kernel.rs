@@ -325,7 +325,7 @@ impl LookUp<'_> {
                 workspace.found.add(&hit, surface, &workspace.weights, brings);
             } else if !surface.glows {
                 // What lamps emit has nothing to do with the light around.
-                workspace.found.add_unseen(surface, &workspace.weights);
+                workspace.found.add_unseen(fit.common_light(surface), &workspace.weights);
             }
         }
         if to_emitter {

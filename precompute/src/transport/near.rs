@@ -107,7 +107,14 @@ impl NearHit {
 impl NearField {
     /// Of the light map that `atlas` lays out and that covers `map`; every node that may be read is.
     pub fn new(caster: &RayCaster<'_>, atlas: Atlas, map: &TexelMap, probes: &ProbeSet, support: &Support) -> Self {
-        let reach_m = support.spacing_m(probes).into_iter().map(|spacing_m| REACH * spacing_m).collect();
+        let spacing = probes.nearest_m();
+        let reach_m = (0..support.radius_m.len())
+            .map(|receiver| {
+                let of = support.of(receiver);
+                let sum: f32 = of.iter().map(|&id| spacing[id as usize]).sum();
+                REACH * if of.is_empty() { probes.radius_m } else { sum / of.len() as f32 }
+            })
+            .collect();
         let (charts, pieces) = (ChartPyramid::of(map), Pieces::of(caster, map));
         Self { atlas, charts, pieces, reach_m, least: LEAST }
     }

@@ -105,9 +105,7 @@ impl<'a> Subject<'a> {
         let probe_basis = sh::Basis::new(metadata.probe_degree);
         let fit = match settings.transport {
             Transport::Paper => None,
-            Transport::Fitted => {
-                Some(FitScene::new(caster, &atlas, &placed, (&probes, &support), metadata.n_rays, &probe_basis))
-            }
+            Transport::Fitted => Some(FitScene::new(caster, &atlas, &placed, &probes, metadata.n_rays, &probe_basis)),
         };
         let leaves = leaves(&placed.position, settings.leaf as usize);
         let mut leaf_of = vec![0; placed.len()];

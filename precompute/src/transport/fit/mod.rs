@@ -47,7 +47,7 @@ use crate::{
     emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
     probe_views::ProbeDirections,
-    probes::{ProbeSet, Support},
+    probes::ProbeSet,
     rays::{FacePoint, RayCaster, SurfaceHit},
 };
 use field::Modes;
@@ -82,13 +82,18 @@ const EXTRAPOLATION: i32 = 4;
 /// model.
 const RIDGE: f32 = 2e-4;
 
+/// Steps of an octave in which spacing and usual scale are told: 2 % more or less of them makes no difference.
+const STEPS: f32 = 16.0;
+
 /// Points of what emits that every receiver looks for.
 const EMITTER_SAMPLES: u32 = 256;
 
 /// What rows are fitted with; the same for all leaves of a bake.
 pub struct FitScene {
-    /// `[n_probes]` distance to the nearest other probe, metres.
-    nearest_m: Vec<f32>,
+    /// Median distance from a probe to the nearest other, metres.
+    spacing_m: f32,
+    /// Root mean square of s over what the probes see.
+    usual_scale: f32,
     /// `[n_rays][n_sh]` SH of the relight rays times 4 pi / n_rays.
     table: Vec<f32>,
     /// `[n_probes]` what the relight rays of each see, by rising ray.
@@ -101,8 +106,8 @@ pub struct FitScene {
 
 /// What is known of the light on surfaces before any of it is seen.
 pub struct FitPrior {
-    /// `[n_probes]` distance to the nearest other probe, metres.
-    nearest_m: Vec<f32>,
+    /// Median distance from a probe to the nearest other, metres.
+    spacing_m: f32,
     openness: Openness,
 }
 
@@ -120,9 +125,9 @@ pub struct LeafFit {
     /// Union of the supporting probes, rising.
     probes: Vec<u32>,
     n_sh: usize,
-    /// Distance between probes there, metres.
-    spacing_m: f32,
-    /// Root mean square of s over what its probes see.
+    /// μ.
+    ridge: f32,
+    /// Root mean square of s over what the probes see.
     usual_scale: f32,
     patches: Patches,
     modes: Modes,
@@ -150,15 +155,9 @@ pub(super) struct Correction {
 
 impl FitPrior {
     /// Measures the openness of all receivers.
-    pub fn of(
-        caster: &RayCaster<'_>,
-        atlas: &Atlas,
-        receivers: &ReceiverSet,
-        probes: &ProbeSet,
-        support: &Support,
-    ) -> Self {
-        let half_m: Vec<f32> = support.spacing_m(probes).into_iter().map(|spacing_m| HALF_OPEN * spacing_m).collect();
-        Self { nearest_m: probes.nearest_m(), openness: Openness::of(caster, atlas, receivers, &half_m) }
+    pub fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, probes: &ProbeSet) -> Self {
+        let spacing_m = spacing(probes);
+        Self { spacing_m, openness: Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m) }
     }
 
     /// What a probe sees, of what its rays meet.
@@ -176,17 +175,18 @@ impl FitScene {
     /// `views` is what each probe sees.
     pub fn of(
         caster: &RayCaster<'_>,
-        FitPrior { nearest_m, openness }: FitPrior,
+        FitPrior { spacing_m, openness }: FitPrior,
         directions: &ProbeDirections,
         views: Vec<Vec<SeenPoint>>,
     ) -> Self {
+        let usual_scale = usual_scale(&views);
         let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
         let emitter_samples = if emitters.is_empty() {
             Vec::new()
         } else {
             (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
         };
-        Self { nearest_m, table: directions.sh.clone(), views, openness, emitters, emitter_samples }
+        Self { spacing_m, usual_scale, table: directions.sh.clone(), views, openness, emitters, emitter_samples }
     }
 
     /// The same, with probe views of its own: so many rays of each probe.
@@ -194,11 +194,11 @@ impl FitScene {
         caster: &RayCaster<'_>,
         atlas: &Atlas,
         receivers: &ReceiverSet,
-        (probes, support): (&ProbeSet, &Support),
+        probes: &ProbeSet,
         n_rays: u32,
         basis: &sh::Basis,
     ) -> Self {
-        let prior = FitPrior::of(caster, atlas, receivers, probes, support);
+        let prior = FitPrior::of(caster, atlas, receivers, probes);
         let directions = ProbeDirections::new(n_rays, basis);
         let views = directions.views(caster, &probes.positions, |hits| prior.seen(caster, hits));
         Self::of(caster, prior, &directions, views)
@@ -232,6 +232,11 @@ impl FitScene {
         Some((hit, balance(density, by_emitter)))
     }
 
+    /// Light of a surface in the modes that all surfaces have in common.
+    pub(super) fn common_light(&self, surface: Surface) -> [f32; COMMON] {
+        common(surface.scale, self.usual_scale)
+    }
+
     /// What the prior knows of a surface point.
     pub(super) fn surface(&self, caster: &RayCaster<'_>, point: &FacePoint) -> Surface {
         self.openness.surface(caster, point)
@@ -239,7 +244,7 @@ impl FitScene {
 
     /// Takes in what all leaves are fitted with alike.
     pub(super) fn digest(&self, digester: &mut Digester) {
-        digester.all(&self.table);
+        digester.one([self.spacing_m, self.usual_scale]).all(&self.table);
         self.emitters.digest(&mut |values| {
             digester.all(values);
         });
@@ -250,7 +255,6 @@ impl FitScene {
 
     /// Takes in what a probe sees.
     pub(super) fn digest_of_probe(&self, probe: u32, digester: &mut Digester) {
-        digester.one(self.nearest_m[probe as usize]);
         for &SeenPoint { ray, position, normal, surface: Surface { scale, glows } } in &self.views[probe as usize] {
             digester.one(ray).one(position).one(normal).one(scale).one(u8::from(glows));
         }
@@ -263,9 +267,7 @@ impl FitScene {
 
     /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
     pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
-        let spacing_m = self.spacing_m(probes, weights);
-        let usual_scale = self.usual_scale(probes);
-        let (patches, seen) = self.patches(bounds, probes, spacing_m);
+        let (patches, seen) = self.patches(bounds, probes);
         // Λ_i transposed, [n_patches][n_sh].
         let views: Vec<Vec<f32>> = probes
             .iter()
@@ -281,8 +283,9 @@ impl FitScene {
                 lambda
             })
             .collect();
-        let least = f64::from(LEAST * ridge(patches.cut(), spacing_m)) * n_sh as f64;
-        let modes = Modes::of(&patches, CORRELATION * spacing_m, &views, weights, n_sh, least);
+        let ridge = RIDGE * (patches.cut().finest_m / (FINEST * self.spacing_m)).powi(2);
+        let least = f64::from(LEAST * ridge) * n_sh as f64;
+        let modes = Modes::of(&patches, CORRELATION * self.spacing_m, &views, weights, n_sh, least);
         let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
         let views = views
             .into_iter()
@@ -300,36 +303,19 @@ impl FitScene {
                 } else {
                     dot(&matrix, &matrix)
                 };
-                let matrix = beside(&matrix, &self.common(id, n_sh, usual_scale), n_sh);
+                let matrix = beside(&matrix, &self.common(id, n_sh), n_sh);
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        LeafFit { probes: probes.to_vec(), n_sh, spacing_m, usual_scale, patches, modes, views }
-    }
-
-    /// Mean distance from some probes to the nearest others, metres.
-    fn spacing_m(&self, probes: &[u32], weights: &[f32]) -> f32 {
-        let (sum, total) = probes.iter().zip(weights).fold((0.0, 0.0), |(sum, total), (&id, weight)| {
-            (sum + weight * self.nearest_m[id as usize], total + weight)
-        });
-        (sum / total.max(f32::MIN_POSITIVE)).max(f32::MIN_POSITIVE)
-    }
-
-    /// Root mean square of s over what relight rays of some probes meet, but for what emits; 1 where they meet nothing else.
-    fn usual_scale(&self, probes: &[u32]) -> f32 {
-        let seen = probes.iter().flat_map(|&id| &self.views[id as usize]).filter(|seen| !seen.surface.glows);
-        let (squares, count) =
-            seen.fold((0.0, 0u64), |(sum, count), seen| (sum + f64::from(seen.surface.scale).powi(2), count + 1));
-        let mean = squares / count.max(1) as f64;
-        if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
+        LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_scale: self.usual_scale, patches, modes, views }
     }
 
     /// u_i, `[n_sh][COMMON]`.
-    fn common(&self, probe: u32, n_sh: usize, usual_scale: f32) -> Vec<f32> {
+    fn common(&self, probe: u32, n_sh: usize) -> Vec<f32> {
         let mut sums = vec![0.0; n_sh * COMMON];
         for point in &self.views[probe as usize] {
             let values = &self.table[point.ray as usize * n_sh..][..n_sh];
-            let common = common(point.surface.scale, usual_scale);
+            let common = common(point.surface.scale, self.usual_scale);
             for (sums, value) in sums.as_chunks_mut::<COMMON>().0.iter_mut().zip(values) {
                 sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += common * value);
             }
@@ -338,8 +324,8 @@ impl FitScene {
     }
 
     /// Patches around a box as the probes see them, and the patch of each point seen: coarser until they are few enough.
-    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32], spacing_m: f32) -> (Patches, Vec<Vec<u32>>) {
-        let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * spacing_m, angle: ANGLE };
+    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32]) -> (Patches, Vec<Vec<u32>>) {
+        let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * self.spacing_m, angle: ANGLE };
         loop {
             let mut patches = Patches::new(cut);
             let seen: Vec<Vec<u32>> = probes
@@ -420,8 +406,7 @@ impl LeafFit {
             }
         }
         let extrapolated = found.seen_share.powi(EXTRAPOLATION);
-        for (y, &[scaled, plain]) in y.chunks_exact_mut(n_modes).zip(&found.unseen) {
-            let unseen = common(scaled, plain * self.usual_scale);
+        for (y, unseen) in y.chunks_exact_mut(n_modes).zip(&found.unseen_common) {
             y[n_modes - COMMON..].iter_mut().zip(unseen).for_each(|(y, unseen)| *y += extrapolated * unseen);
         }
         for (y, output) in y.chunks_exact_mut(n_modes).zip(outputs.iter()) {
@@ -440,7 +425,7 @@ impl LeafFit {
             system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
             variance += weight / total * view.variance;
         }
-        let ridge = ridge(self.patches.cut(), self.spacing_m) * variance;
+        let ridge = self.ridge * variance;
         let of_the_papers_row =
             || Correction { variance: y.chunks_exact(n_modes).map(|y| dot(y, y)).collect(), is_made: false };
         if ridge <= 0.0 {
@@ -467,15 +452,9 @@ impl LeafFit {
     }
 }
 
-/// Radiance of a surface of scale `scale` in the modes that all surfaces have in common, at one standard deviation; of several, each
-/// the sum over them.
+/// Radiance of a surface of scale `scale` in the modes that all surfaces have in common, at one standard deviation.
 fn common(scale: f32, usual_scale: f32) -> [f32; COMMON] {
     [CONSTANT.sqrt() * scale, EVEN.sqrt() * usual_scale]
-}
-
-/// μ of (F2).
-fn ridge(cut: Cut, spacing_m: f32) -> f32 {
-    RIDGE * (cut.finest_m / (FINEST * spacing_m)).powi(2)
 }
 
 /// Two row-major matrices side by side.
@@ -500,6 +479,14 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + rest
 }
 
+/// Root mean square of s over what relight rays meet, but for what emits; 1 where they meet nothing else.
+fn usual_scale(views: &[Vec<SeenPoint>]) -> f32 {
+    let scales = || views.iter().flatten().map(|seen| &seen.surface).filter(|surface| !surface.glows);
+    let squares: f64 = scales().map(|surface| f64::from(surface.scale).powi(2)).sum();
+    let mean = squares / scales().count().max(1) as f64;
+    if mean > 0.0 { in_steps(mean.sqrt() as f32) } else { 1.0 }
+}
+
 /// Light found in a direction counts this much of what a gather ray there counts, from either way of sampling.
 fn balance(gather_density: f32, emitter_density: f32) -> f32 {
     // A cosine may round to just below zero.
@@ -512,4 +499,16 @@ fn emitter_sample(emitters: &Emitters, index: u32) -> (FaceId, Vec3) {
     let which = (f64::from(index) + 0.5) / f64::from(EMITTER_SAMPLES);
     let place = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2].map(|step| (step * f64::from(index + 1)).fract());
     emitters.sample(which, place)
+}
+
+/// Median distance from a probe to the nearest other, metres; of a single probe half of its support radius.
+fn spacing(probes: &ProbeSet) -> f32 {
+    let mut distances = probes.nearest_m();
+    distances.sort_unstable_by(f32::total_cmp);
+    in_steps(distances.get(distances.len() / 2).copied().unwrap_or(0.5 * probes.radius_m).max(f32::MIN_POSITIVE))
+}
+
+/// A constant of all leaves, to the nearest of [`STEPS`] in an octave: it is still the same after most edits of a scene.
+fn in_steps(value: f32) -> f32 {
+    ((STEPS * value.log2()).round() / STEPS).exp2().max(f32::MIN_POSITIVE)
 }

@@ -3,7 +3,7 @@
 //!
 //! Surfaces in gaps and corners are dark more often than not, and a probe that sees the bright surface beside a gap says
 //! nothing of the sort. The prior's scale s(y) tells the fit: the cosine-weighted mean of t / (t + t0) over the rays from y,
-//! t their length and t0 some spacings of the probes there. Without it, receivers a hand's breadth from a surface take over the light of
+//! t their length and t0 some probe spacings. Without it, receivers a hand's breadth from a surface take over the light of
 //! lit surfaces around (nrmse of 100 receivers of a staircase in a trial: 1.07, and 0.22 with it).
 
 use super::Surface;
@@ -33,8 +33,8 @@ pub(super) struct Openness {
 }
 
 impl Openness {
-    /// Measures every receiver; `half_m` is t0 of each.
-    pub(super) fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, half_m: &[f32]) -> Self {
+    /// Measures every receiver; `half_m` is t0.
+    pub(super) fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, half_m: f32) -> Self {
         let local: Vec<[f32; 3]> =
             (0..RAYS).map(|ray| cosine_hemisphere(fibonacci_square(ray, RAYS, [0.0, 0.0]))).collect();
         let scales: Vec<f32> = (0..receivers.len())
@@ -43,7 +43,6 @@ impl Openness {
                 let normal = receivers.geometric_normal[receiver];
                 let (tangent, bitangent) = frame(normal);
                 let origin = receivers.position[receiver] + normal * caster.offset_m();
-                let half_m = half_m[receiver];
                 let open: f32 = local
                     .iter()
                     .map(|&[x, y, z]| {

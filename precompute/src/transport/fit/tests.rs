@@ -25,12 +25,12 @@ fn both(setup: &Setup, gather: &GatherSet, degrees: [u32; 2]) -> [TransportRows;
 /// `a = a0 + (Λ K Λᵀ + μ t W⁻¹)⁻¹ Λ K (e - Λᵀ a0)` of one receiver with the whole of K, in f64, probe by probe.
 fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0: &[f32]) -> Vec<f64> {
     let n_sh = leaf.n_sh;
-    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), support, leaf.spacing_m);
+    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), support);
     let places = patches.places();
     let n = places.len();
     let covariance = DMatrix::from_fn(n, n, |p, q| {
         let own = if p == q { 1.0 + f64::from(field::OWN) } else { 1.0 };
-        own * f64::from(field::covariance(&places[p], &places[q], CORRELATION * leaf.spacing_m))
+        own * f64::from(field::covariance(&places[p], &places[q], CORRELATION * fit.spacing_m))
     });
     let mut lambda = DMatrix::<f64>::zeros(support.len() * n_sh, n);
     for (slot, (&id, patches)) in support.iter().zip(&seen).enumerate() {
@@ -54,7 +54,7 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
         (covariance.resize(all, all, 0.0), lambda.resize_horizontally(all, 0.0), e.resize_vertically(all, 0.0));
     for mode in 0..COMMON {
         covariance[(n + mode, n + mode)] = 1.0;
-        let of = |surface: &Surface| f64::from(common(surface.scale, leaf.usual_scale)[mode]);
+        let of = |surface: &Surface| f64::from(common(surface.scale, fit.usual_scale)[mode]);
         for (slot, &id) in support.iter().enumerate() {
             for point in &fit.views[id as usize] {
                 for j in 0..n_sh {
@@ -65,8 +65,7 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
         }
         let hits = found.hits.iter().zip(&found.hit_weights);
         let seen: f64 = hits.map(|(hit, &weight)| f64::from(weight) * of(&hit.surface)).sum();
-        let [scaled, plain] = found.unseen[0];
-        let unseen = f64::from(common(scaled, plain * leaf.usual_scale)[mode]);
+        let unseen = f64::from(found.unseen_common[0][mode]);
         e[n + mode] = seen + f64::from(found.seen_share).powi(EXTRAPOLATION) * unseen;
     }
     let a0 = DVector::from_iterator(a0.len(), a0.iter().map(|&value| f64::from(value)));
@@ -81,8 +80,7 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
     let mut system = g;
     for slot in 0..support.len() {
         for j in slot * n_sh..(slot + 1) * n_sh {
-            system[(j, j)] +=
-                f64::from(ridge(leaf.patches.cut(), leaf.spacing_m)) * t / f64::from(found.seen_weights[slot]);
+            system[(j, j)] += f64::from(leaf.ridge) * t / f64::from(found.seen_weights[slot]);
         }
     }
     let right = &lambda * &covariance * (e - lambda.transpose() * &a0);
@@ -374,7 +372,7 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
                 transport.caster,
                 &Atlas::default(),
                 receivers,
-                (transport.probes, transport.support),
+                transport.probes,
                 2000,
                 transport.probe_basis,
             );
