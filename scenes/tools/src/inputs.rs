@@ -6,7 +6,7 @@ use crate::error::{CommandError, Exit};
 use crate::hex;
 use crate::picture::default_camera;
 use localprt_formats::{Baked, Checked, Metadata, OpenError};
-use localprt_scenes::{Camera, Lighting, LightingError, LoadErrorKind, Scene, builtin};
+use localprt_scenes::{Camera, Lighting, LightingError, LoadError, LoadErrorKind, Scene, builtin};
 use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
@@ -41,14 +41,18 @@ pub fn builtin_scene(name: &str) -> Result<Scene, CommandError> {
 /// A .gltf or .glb file.
 pub fn scene_file(path: &Path) -> Result<Scene, CommandError> {
     readable(path)?;
-    localprt_scenes::load(path).map_err(|error| {
-        let exit = match error.kind() {
+    localprt_scenes::load(path).map_err(|error| CommandError::from(error).in_file(path))
+}
+
+impl From<LoadError> for CommandError {
+    fn from(error: LoadError) -> Self {
+        let exit = match error.kind {
             LoadErrorKind::Invalid => Exit::InvalidInput,
             LoadErrorKind::Unsupported => Exit::Unsupported,
             LoadErrorKind::Io => Exit::Io,
         };
-        CommandError::of(exit, &error).with_remedy().in_file(path)
-    })
+        Self::of(exit, &error).help(error.help)
+    }
 }
 
 /// The scene with the lightmap coordinates of a baked file: named by the user, or found beside the file. It has to be
@@ -80,7 +84,7 @@ pub fn lighting(path: Option<&Path>, scene: &Scene) -> Result<Lighting, CommandE
     readable(path)?;
     Lighting::load_for(path, scene).map_err(|error| {
         let exit = if matches!(error, LightingError::Read { .. }) { Exit::Io } else { Exit::InvalidInput };
-        CommandError::of(exit, &error).with_remedy().in_file(path)
+        CommandError::of(exit, &error).help(error.help()).in_file(path)
     })
 }
 
@@ -102,13 +106,12 @@ pub fn refused(path: &Path, error: &OpenError) -> CommandError {
         OpenError::UnsupportedVersion { .. } => Exit::Unsupported,
         _ => Exit::InvalidInput,
     };
-    let error = CommandError::of(exit, error).with_remedy().in_file(path);
-    if error.help.is_some() { error } else { error.help("bake the scene again, or copy the file again") }
+    CommandError::of(exit, error).help(error.help()).in_file(path)
 }
 
 /// Rays against a scene.
 pub fn caster(scene: &Scene) -> Result<RayCaster<'_>, CommandError> {
-    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).with_remedy())
+    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).help(error.help()))
 }
 
 /// A camera of the scene by number, or its first, or one that shows the whole scene.
