@@ -9,7 +9,7 @@ use localprt_formats::{Baked, Checked, Metadata, OpenError};
 use localprt_scenes::{Camera, Lighting, LightingError, LoadError, LoadErrorKind, Scene, builtin};
 use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
-use std::path::{Component, Path, PathBuf};
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// What stands before the name of a built-in scene.
 pub const BUILTIN: &str = "builtin:";
@@ -160,14 +160,9 @@ fn beside(file: &Path, relative: &str) -> PathBuf {
 /// What the system says of one that does not.
 pub fn relative_path(folder: &Path, file: &Path) -> std::io::Result<String> {
     let (from, to) = (folder.canonicalize()?, file.canonicalize()?);
-    let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
-    let up = from.components().skip(shared).map(|_| "..".to_owned());
-    let down = to.components().skip(shared).map(|part| part.as_os_str().to_string_lossy().into_owned());
-    if shared == 0 || to.components().skip(shared).any(|part| matches!(part, Component::Prefix(_))) {
-        // Another drive.
-        return Ok(to.to_string_lossy().replace('\\', "/"));
-    }
-    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+    // Another drive has no way to it but the whole path.
+    let way = pathdiff::diff_paths(&to, from).unwrap_or(to);
+    Ok(way.to_string_lossy().replace(MAIN_SEPARATOR, "/"))
 }
 
 /// The first digits of a hash, enough to tell two apart.
