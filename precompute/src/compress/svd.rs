@@ -58,18 +58,13 @@ impl TruncatedSvd {
 /// Signs: the entry of largest magnitude in each column of U is positive.
 pub fn truncated_svd(values: &[f32], n_rows: usize, n_columns: usize, rank: usize) -> TruncatedSvd {
     let t = MatRef::from_row_major_slice(values, n_rows, n_columns);
-    let norm_squared = values.iter().map(|&value| f64::from(value) * f64::from(value)).sum();
+    let norm_squared = squared_norm(values);
     let width = (rank + OVERSAMPLING).min(n_rows).min(n_columns);
     // Q spans (nearly) the range of T; P' = Q^T T.
     let q = if width == n_rows {
         Mat::<f32>::identity(n_rows, n_rows)
     } else {
-        let random = Mat::<f32>::from_fn(n_columns, width, |row, column| {
-            // Sums of two uniforms are near enough to normal for a sketch.
-            let counter = (row * width + column) as u64;
-            (counter_uniform(1, counter, 0) + counter_uniform(1, counter, 1) - 1.0) as f32
-        });
-        let mut q = orthonormal(product(t, random.as_ref()));
+        let mut q = orthonormal(product(t, sketch(1, n_columns, width).as_ref()));
         for _ in 0..POWER_ITERATIONS {
             let z = orthonormal(product(t.transpose(), q.as_ref()));
             q = orthonormal(product(t, z.as_ref()));
@@ -89,19 +84,9 @@ pub fn truncated_svd(values: &[f32], n_rows: usize, n_columns: usize, rank: usiz
     let mut turn = Mat::<f32>::from_fn(width, rank, |row, column| vectors[(row, column)] as f32);
     let mut u = product(q.as_ref(), turn.as_ref());
     for column in 0..rank {
-        let mut largest = 0.0f32;
-        for row in 0..n_rows {
-            if u[(row, column)].abs() > largest.abs() {
-                largest = u[(row, column)];
-            }
-        }
-        if largest < 0.0 {
-            for row in 0..n_rows {
-                u[(row, column)] = -u[(row, column)];
-            }
-            for row in 0..width {
-                turn[(row, column)] = -turn[(row, column)];
-            }
+        let larger = |held: f32, &value: &f32| if value.abs() > held.abs() { value } else { held };
+        if u.col(column).iter().fold(0.0, larger) < 0.0 {
+            u.col_mut(column).iter_mut().chain(turn.col_mut(column).iter_mut()).for_each(|value| *value = -*value);
         }
     }
     let p = product(turn.transpose(), projected.as_ref());
@@ -119,11 +104,20 @@ pub fn residual_by_row(values: &[f32], u: &[f32], p: &[f32], rank: usize, n_colu
     // Transposed, so that faer's columns are our rows.
     let mut difference = MatRef::from_row_major_slice(values, n_rows, n_columns).transpose().to_owned();
     matmul(&mut difference, Accum::Add, p.transpose(), u.transpose(), -1.0, Par::Seq);
-    (0..n_rows).map(|row| difference.col(row).iter().map(|&value| f64::from(value) * f64::from(value)).sum()).collect()
+    (0..n_rows).map(|row| squared_norm(difference.col_as_slice(row))).collect()
 }
 
 fn squared_norm(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
+}
+
+/// Random directions, `n_rows` high.
+pub(crate) fn sketch(stream: u64, n_rows: usize, width: usize) -> Mat<f32> {
+    Mat::from_fn(n_rows, width, |row, column| {
+        // Sums of two uniforms are near enough to normal.
+        let counter = (row * width + column) as u64;
+        (counter_uniform(stream, counter, 0) + counter_uniform(stream, counter, 1) - 1.0) as f32
+    })
 }
 
 pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {

@@ -1,10 +1,9 @@
 //! Small dense matrices of the fit; with the singular values, the only file that names faer. One thread, f32 unless said.
 
-use crate::compress::svd::{eigen, orthonormal, product, row_major, transposed_product};
+use crate::compress::svd::{eigen, orthonormal, product, row_major, sketch, transposed_product};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::{factor, solve::solve_in_place};
 use faer::{Mat, MatMut, MatRef, Par, Spec};
-use localprt_formats::directions::counter_uniform;
 
 /// Random directions beyond the wanted modes.
 const OVERSAMPLING: usize = 8;
@@ -73,15 +72,11 @@ pub(super) fn leading_modes(
         }
     }
     let width = (most + OVERSAMPLING).min(n).min(n_columns);
-    let random = Mat::<f32>::from_fn(n_columns, width, |row, column| {
-        // Sums of two uniforms are near enough to normal for a sketch.
-        let counter = (row * width + column) as u64;
-        (counter_uniform(STREAM, counter, 0) + counter_uniform(STREAM, counter, 1) - 1.0) as f32
-    });
-    let mut q = orthonormal(product(l.transpose(), product(seen.as_ref(), random.as_ref()).as_ref()));
+    let range =
+        |columns: Mat<f32>| orthonormal(product(l.transpose(), product(seen.as_ref(), columns.as_ref()).as_ref()));
+    let mut q = range(sketch(STREAM, n_columns, width));
     for _ in 0..POWER_ITERATIONS {
-        let back = product(seen.transpose(), product(l.as_ref(), q.as_ref()).as_ref());
-        q = orthonormal(product(l.transpose(), product(seen.as_ref(), back.as_ref()).as_ref()));
+        q = range(product(seen.transpose(), product(l.as_ref(), q.as_ref()).as_ref()));
     }
     // Turned to the axes of what is seen.
     let modes = product(l.as_ref(), q.as_ref());
