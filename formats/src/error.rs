@@ -27,7 +27,8 @@ pub(crate) fn fail<T>(rule: u16, message: String) -> Result<T, Violation> {
     Err(Violation { rule, message })
 }
 
-/// Why a file was refused. Every variant but [`OpenError::Io`] stands for one numbered rule of `SPEC.md`.
+/// Why a file was refused. Every variant but [`OpenError::Io`] stands for one numbered rule of `SPEC.md`; what to do is
+/// [`OpenError::help`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
@@ -48,13 +49,13 @@ pub enum OpenError {
         present: u64,
     },
     /// Rule 2.
-    #[error("not a localprt file (starts with {found:02x?}); damaged in transfer as text, or another format")]
+    #[error("not a localprt file (starts with {found:02x?})")]
     WrongMagic {
         /// First bytes of the file.
         found: [u8; 8],
     },
     /// Rule 3.
-    #[error("format version {major}.{minor} is not supported, this program reads {supported}.x; bake the scene again")]
+    #[error("format version {major}.{minor} is not supported, this program reads {supported}.x")]
     UnsupportedVersion {
         /// Major version of the file.
         major: u16,
@@ -72,7 +73,7 @@ pub enum OpenError {
         allowed: u32,
     },
     /// Rule 5.
-    #[error("header: states a file of {stated} bytes, file has {present}; copy it again")]
+    #[error("header: states a file of {stated} bytes, file has {present}")]
     WrongLength {
         /// Length in the header.
         stated: u64,
@@ -88,7 +89,7 @@ pub enum OpenError {
         found: u64,
     },
     /// Rule 7.
-    #[error("header: checksum is {computed:08x}, stated is {stated:08x}; the file is damaged")]
+    #[error("header: checksum is {computed:08x}, stated is {stated:08x}")]
     HeaderChecksum {
         /// Checksum in the header.
         stated: u32,
@@ -96,7 +97,7 @@ pub enum OpenError {
         computed: u32,
     },
     /// Rule 8.
-    #[error("content hash differs from the stated one; the file is damaged")]
+    #[error("content hash differs from the stated one")]
     ContentHash,
     /// Rule 10.
     #[error("section table: entry {index} has the kind {found:02x?}, allowed are four of A-Z and 0-9")]
@@ -153,7 +154,7 @@ pub enum OpenError {
         expected: u64,
     },
     /// Rule 16.
-    #[error("section {section}: ends at byte {end}, file has {present} bytes; the last section ends with the file")]
+    #[error("section {section}: ends at byte {end}, the last section must end with the file, at byte {present}")]
     WrongEnd {
         /// Section.
         section: SectionKind,
@@ -171,9 +172,7 @@ pub enum OpenError {
         found: u8,
     },
     /// Rule 18.
-    #[error(
-        "section {section} (version {version}) is required to read this file and unknown to this program; update it"
-    )]
+    #[error("section {section} (version {version}) is required to read this file and unknown to this program")]
     UnknownRequiredSection {
         /// Section.
         section: SectionKind,
@@ -181,7 +180,7 @@ pub enum OpenError {
         version: u16,
     },
     /// Rule 19.
-    #[error("section {section}: version {found} is not supported, this program reads version {supported}; update it")]
+    #[error("section {section}: version {found} is not supported, this program reads version {supported}")]
     SectionVersion {
         /// Section.
         section: SectionKind,
@@ -207,7 +206,7 @@ pub enum OpenError {
         section: SectionKind,
     },
     /// Rule 22.
-    #[error("section {section}: checksum is {computed:08x}, stated is {stated:08x}; the file is damaged")]
+    #[error("section {section}: checksum is {computed:08x}, stated is {stated:08x}")]
     SectionChecksum {
         /// Section.
         section: SectionKind,
@@ -265,6 +264,19 @@ impl OpenError {
             Self::Invalid(violation) => violation.rule,
         })
     }
+
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Io { .. } => "check that it is a file and may be read",
+            Self::WrongMagic { .. } => "name a file that was baked, or copy it again, as bytes and not as text",
+            Self::UnsupportedVersion { major, supported, .. } if major < supported => "bake the scene again",
+            Self::UnsupportedVersion { .. } | Self::UnknownRequiredSection { .. } | Self::SectionVersion { .. } => {
+                "update this program"
+            }
+            _ => "copy the file again, or bake the scene again",
+        }
+    }
 }
 
 /// Why a file was not written. An existing file under that name is as it was.
@@ -275,7 +287,7 @@ pub enum WriteError {
     #[error("the baked arrays break {0}")]
     Invalid(#[from] Violation),
     /// The metadata, mostly its options text, is too large to be read back.
-    #[error("metadata takes {found} bytes, at most {allowed} are allowed; shorten options or scene path")]
+    #[error("metadata takes {found} bytes, at most {allowed} are allowed")]
     MetadataTooLarge {
         /// Bytes.
         found: u64,
@@ -289,7 +301,7 @@ pub enum WriteError {
         reason: String,
     },
     /// Something that is not a regular file, such as a device or a folder, has that name.
-    #[error("{path} exists and is not a regular file; choose another name")]
+    #[error("{path} exists and is not a regular file")]
     NotAFile {
         /// Target.
         path: PathBuf,

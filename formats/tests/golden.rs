@@ -24,11 +24,11 @@ fn golden_2_0() -> PathBuf {
 }
 
 #[test]
-fn files_of_version_1_are_refused_with_the_remedy() {
+fn files_of_version_1_are_refused_with_what_to_do() {
     let error = Baked::open(data("minimal_v1_2.lprt")).unwrap_err();
     assert_eq!(error.rule(), Some(3));
     let text = error.to_string();
-    assert!(text.contains("version 1.2") && text.contains("bake the scene again"), "{text}");
+    assert!(text.contains("version 1.2") && error.help() == "bake the scene again", "{text}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! Usage: `cargo run --release --example bake -- SCENE.glb OUT.lprt`. The scene with its lightmap coordinates goes to OUT.lightmap.glb,
 //! unless SCENE.glb brings usable ones.
 
-use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};
+use localprt_precompute::{Preset, Progress, bake};
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -11,8 +11,7 @@
 use glam::Vec3;
 use localprt_precompute::metrics::{MethodError, mean, nrmse_without_worst};
 use localprt_precompute::{
-    inputs,
-    progress::Progress,
+    Progress, inputs,
     validate::{
         Subject, lit,
         methods::{self, COMPRESSED, Method, PAPER, UNCOMPRESSED, WITHOUT_LINKS},

@@ -1,12 +1,12 @@
 //! Bakes local-reconstruction precomputed radiance transfer (Silvennoinen and Lehtinen 2017).
 //!
-//! In: a `Scene` (world space, metres) and [`settings::BakeSettings`]. Out: the arrays of a `.lprt` file, the scene with its
-//! lightmap coordinates, and a [`report::BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
+//! In: a `Scene` (world space, metres) and [`BakeSettings`]. Out, as [`BakeOutput`]: the arrays of a `.lprt` file, the scene with its
+//! lightmap coordinates, and a [`BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
 //! [`validate`] holds a baked file against path tracing,
 //! [`reference_file`] keeps what it measured, and the `precompute` command is a thin face over all of them.
 //!
 //! ```no_run
-//! use localprt_precompute::{pipeline::bake, progress::Progress, settings::Preset};
+//! use localprt_precompute::{Preset, Progress, bake};
 //!
 //! let scene = localprt_scenes::load("hall.glb")?;
 //! let progress = Progress::silent();
@@ -43,3 +43,9 @@ pub mod transport;
 pub mod validate;
 pub mod volume;
 pub mod voxels;
+
+pub use error::BakeError;
+pub use pipeline::{BakeOutput, bake};
+pub use progress::Progress;
+pub use report::BakeReport;
+pub use settings::{BakeSettings, Preset};

@@ -35,6 +35,7 @@ fn assert_refused(arguments: &[&str], expected: i32, parts: &[&str]) {
     assert_eq!(stdout(&output), "", "data on standard output");
     assert!(text.contains("error: "), "{text}");
     assert!(!text.contains("panicked") && !text.contains("internal error"), "{text}");
+    assert!(text.contains("\nhelp: ") || text.contains("--help"), "nothing to do: {text}");
     for part in parts {
         assert!(text.contains(part), "`{part}` is not in: {text}");
     }

@@ -1,13 +1,13 @@
 //! Why a relight cannot be done.
 
-/// What is wrong with a baked file or with the inputs of one relight.
+use localprt_surfaces::rays::TreeError;
+
+/// What is wrong with a baked file or with the inputs of one relight. What to do is [`RelightError::help`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RelightError {
     /// The direct light map has another size than the one the relight rays were baked for.
-    #[error(
-        "direct light map is {found} texels wide, the file wants {expected}; build the surface texels at that size"
-    )]
+    #[error("direct light map is {found} texels wide, the file wants {expected}")]
     MapSize {
         /// `direct_size` of the file.
         expected: u32,
@@ -45,7 +45,7 @@ pub enum RelightError {
         samples: usize,
     },
     /// An input value is infinite or not a number.
-    #[error("{what} {index} is not finite; check the light, material or sky it comes from")]
+    #[error("{what} {index} is not finite")]
     NotFinite {
         /// Name of the input.
         what: &'static str,
@@ -59,13 +59,13 @@ pub enum RelightError {
         found: f32,
     },
     /// No rays can be traced in a scene.
-    #[error("the scene cannot be lit: {reason}; remove stray far-away or microscopic geometry")]
+    #[error("the scene cannot be lit: {cause}")]
     Scene {
         /// Why.
-        reason: String,
+        cause: TreeError,
     },
     /// Built-in direct light without surfaces.
-    #[error("no scene is set; call `set_scene` before using its lights, or hand in direct light another way")]
+    #[error("no scene is set")]
     NoScene,
     /// Dynamic occluders cannot be used as given.
     #[error("dynamic occluders: {problem}")]
@@ -74,10 +74,7 @@ pub enum RelightError {
         problem: String,
     },
     /// The GPU cannot hold what the file needs.
-    #[error(
-        "this GPU device is too small for the file: {what} needs {needed}, the device allows {allowed}; ask for higher \
-         limits when the device is requested, or bake with fewer probes or a smaller map"
-    )]
+    #[error("this GPU device is too small for the file: {what} needs {needed}, the device allows {allowed}")]
     Limit {
         /// What is too large.
         what: &'static str,
@@ -100,4 +97,20 @@ pub enum RelightError {
         /// What was found and what was allowed.
         problem: String,
     },
+}
+
+impl RelightError {
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::MapSize { .. } => "build the surface texels at the size that the file wants",
+            Self::NotFinite { .. } => "check the light, material or sky it comes from",
+            Self::Scene { cause } => cause.help(),
+            Self::NoScene => "call `set_scene` before using its lights, or hand in direct light another way",
+            Self::Limit { .. } | Self::Device { .. } => {
+                "ask for higher limits when the device is requested, or bake with fewer probes or a smaller map"
+            }
+            _ => "check the lighting, and bake the scene again",
+        }
+    }
 }

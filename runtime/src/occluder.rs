@@ -95,7 +95,7 @@ pub(crate) fn check_occluders(occluders: &[Occluder], has_distances: bool) -> Re
         return fail(format!("there are {}, at most {MAX_OCCLUDERS} can be used", occluders.len()));
     }
     if !occluders.is_empty() && !has_distances {
-        return fail("the file does not hold how far its relight rays go; bake it again".into());
+        return fail("the file does not hold how far its relight rays go".into());
     }
     match occluders.iter().position(|occluder| !occluder.is_valid()) {
         Some(index) => fail(format!("number {index} has a size or a color that is negative or not finite")),

@@ -56,7 +56,7 @@ impl SceneLight {
 /// # Errors
 /// [`RelightError::Scene`].
 pub(crate) fn caster(scene: &Scene) -> Result<RayCaster<'_>, RelightError> {
-    RayCaster::new(scene).map_err(|error| RelightError::Scene { reason: error.to_string() })
+    RayCaster::new(scene).map_err(|cause| RelightError::Scene { cause })
 }
 
 /// What stays the same while lights and materials change: the texels that the bake's relight rays were made for, with

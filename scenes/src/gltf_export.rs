@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum ExportError {
     /// Creating, writing or renaming the file failed.
-    #[error("{}: cannot be written: {cause}; check the folder, its permissions and the free space", .file.display())]
+    #[error("{}: cannot be written: {cause}", .file.display())]
     Write {
         /// The file to be written.
         file: PathBuf,
@@ -27,7 +27,7 @@ pub enum ExportError {
         cause: io::Error,
     },
     /// A GLB holds at most 4 GiB.
-    #[error("{}: needs {bytes} bytes, a .glb holds at most {limit}; split the scene", .file.display())]
+    #[error("{}: needs {bytes} bytes, a .glb holds at most {limit}", .file.display())]
     TooLarge {
         /// The file to be written.
         file: PathBuf,
@@ -37,7 +37,7 @@ pub enum ExportError {
         limit: u64,
     },
     /// An image without encoded bytes could not be encoded as PNG.
-    #[error("{}: image {image:?} cannot be encoded: {cause}; its size must match its pixels", .file.display())]
+    #[error("{}: image {image:?} cannot be encoded: {cause}", .file.display())]
     Image {
         /// The file to be written.
         file: PathBuf,
@@ -46,6 +46,17 @@ pub enum ExportError {
         /// What the encoder said.
         cause: image::ImageError,
     },
+}
+
+impl ExportError {
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Write { .. } => "check the folder, its permissions and the free space",
+            Self::TooLarge { .. } => "split the scene",
+            Self::Image { .. } => "give the image a size that matches its pixels",
+        }
+    }
 }
 
 /// Writes a scene as .glb: one node and mesh per [`Mesh`], in order, then lights and cameras. The file appears whole or

@@ -10,6 +10,12 @@ use std::time::{Duration, Instant};
 /// A file may take this long, on a machine that does ten other things at once; most take well under a millisecond.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// How what to do about a refused file begins; a cause would begin otherwise.
+const ACTIONS: &[&str] = &[
+    "break", "check", "choose", "convert", "copy", "correct", "decode", "export", "flatten", "give", "make", "name",
+    "put", "remove", "save", "scale", "split", "store", "use", "write",
+];
+
 /// Good files that use different parts of the importer.
 fn good_files() -> Vec<(Value, Vec<u8>)> {
     let (plain, bin) = square();
@@ -135,6 +141,8 @@ fn damaged_files_load_or_are_refused() {
             Err(error) => {
                 refused += 1;
                 assert!(error.to_string().contains("scene.glb"), "{what}: {error} does not name the file");
+                let (first, _) = error.help.split_once(' ').expect("some words");
+                assert!(ACTIONS.contains(&first), "{what}: {error}: `{}` is nothing to do", error.help);
             }
         }
     };

@@ -103,7 +103,7 @@ fn torture_files_load_as_their_readme_says_or_are_refused() {
             }
             Err(error) => {
                 println!("{error}");
-                Refused(error.kind())
+                Refused(error.kind)
             }
         };
         if found != *expected {

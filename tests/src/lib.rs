@@ -1,12 +1,7 @@
 //! Harness of the tests that cross crates: small bakes of built-in scenes, relit on the CPU.
 
 use glam::Vec3;
-use localprt_precompute::{
-    pipeline::{self, BakeOutput},
-    progress::Progress,
-    rays::RayCaster,
-    settings::{BakeSettings, Transport},
-};
+use localprt_precompute::{BakeOutput, BakeSettings, Progress, rays::RayCaster, settings::Transport};
 use localprt_runtime::{
     CpuRelighter, DirectLight, Relighter, RelighterOptions, Relit,
     gpu::headless,
@@ -37,7 +32,7 @@ pub fn scene(name: &str) -> Scene {
 
 /// Bakes a scene; the test fails if that fails.
 pub fn bake(scene: Scene, settings: &BakeSettings) -> BakeOutput {
-    pipeline::bake(scene, settings, &Progress::silent()).unwrap_or_else(|error| panic!("bake: {error}"))
+    localprt_precompute::bake(scene, settings, &Progress::silent()).unwrap_or_else(|error| panic!("bake: {error}"))
 }
 
 /// `[n_receivers]` indirect irradiance after `bounces` gathers.

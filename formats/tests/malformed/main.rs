@@ -23,7 +23,9 @@ fn sound() -> Vec<u8> {
 fn refused(file: Vec<u8>) -> u16 {
     let listed: Vec<u16> = check_bytes(&file).iter().map(|violation| violation.rule).collect();
     let refusal = Baked::from_bytes(file).and_then(|baked| baked.checked().map(drop));
-    let rule = refusal.expect_err("must be refused").rule().expect("not a failure of the file system");
+    let error = refusal.expect_err("must be refused");
+    assert!(!error.to_string().contains(error.help()) && !error.to_string().contains(';'), "{error}");
+    let rule = error.rule().expect("not a failure of the file system");
     assert!(listed.contains(&rule), "check found {listed:?}, open {rule}");
     rule
 }

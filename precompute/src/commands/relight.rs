@@ -135,7 +135,7 @@ fn refused(error: RelightError) -> CommandError {
         RelightError::Limit { .. } | RelightError::Device { .. } => {
             CommandError::of(Exit::Unsupported, &error).help("leave --backend out: the CPU does the same")
         }
-        _ => CommandError::of(Exit::InvalidInput, &error).help("check the lighting, and bake the scene again"),
+        _ => CommandError::of(Exit::InvalidInput, &error).help(error.help()),
     }
 }
 

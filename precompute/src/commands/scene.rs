@@ -13,7 +13,7 @@ pub fn run(command: &Scene, progress: &Progress) -> Result<(), CommandError> {
     let scene = inputs::builtin_scene(name)?;
     check_writable(&command.output)?;
     export_glb(&scene, &command.output)
-        .map_err(|error| CommandError::of(Exit::Io, &error).with_remedy().in_file(&command.output))?;
+        .map_err(|error| CommandError::of(Exit::Io, &error).help(error.help()).in_file(&command.output))?;
     progress.note(&format!("wrote {}: {} triangles", command.output.display(), scene.face_count()));
     Ok(())
 }

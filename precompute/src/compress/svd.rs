@@ -2,10 +2,17 @@
 //!
 //! Randomized subspace iteration (Halko, Martinsson and Tropp 2011): a few more random directions than wanted, two power
 //! iterations, and the exact decomposition of the small projected matrix. What is left out is measured by the caller
-//! against the matrix itself, so that an unlucky draw shows. All of it runs on one thread: one cluster is one sequential
-//! decomposition, since faer's parallel ones are not bit-stable.
+//! against the matrix itself, so that an unlucky draw shows. All of it runs on one thread, whatever faer's global setting is:
+//! one cluster is one sequential decomposition, since faer's parallel ones are not bit-stable.
 
-use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::linalg::householder::{
+    apply_block_householder_sequence_on_the_left_in_place_scratch as q_scratch,
+    apply_block_householder_sequence_on_the_left_in_place_with_conj as apply_q,
+};
+use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch, recommended_block_size};
+use faer::{Accum, Conj, Mat, MatMut, MatRef, Par, Spec, diag::Diag, linalg::matmul::matmul};
 use localprt_formats::directions::counter_uniform;
 
 /// Random directions beyond the wanted rank.
@@ -50,23 +57,17 @@ impl TruncatedSvd {
 ///
 /// Signs: the entry of largest magnitude in each column of U is positive.
 pub fn truncated_svd(values: &[f32], n_rows: usize, n_columns: usize, rank: usize) -> TruncatedSvd {
-    faer::set_global_parallelism(Par::Seq);
     let t = MatRef::from_row_major_slice(values, n_rows, n_columns);
-    let norm_squared = values.iter().map(|&value| f64::from(value) * f64::from(value)).sum();
+    let norm_squared = squared_norm(values);
     let width = (rank + OVERSAMPLING).min(n_rows).min(n_columns);
     // Q spans (nearly) the range of T; P' = Q^T T.
     let q = if width == n_rows {
         Mat::<f32>::identity(n_rows, n_rows)
     } else {
-        let random = Mat::<f32>::from_fn(n_columns, width, |row, column| {
-            // Sums of two uniforms are near enough to normal for a sketch.
-            let counter = (row * width + column) as u64;
-            (counter_uniform(1, counter, 0) + counter_uniform(1, counter, 1) - 1.0) as f32
-        });
-        let mut q = orthonormal(&product(t, random.as_ref()));
+        let mut q = orthonormal(product(t, sketch(1, n_columns, width).as_ref()));
         for _ in 0..POWER_ITERATIONS {
-            let z = orthonormal(&product(t.transpose(), q.as_ref()));
-            q = orthonormal(&product(t, z.as_ref()));
+            let z = orthonormal(product(t.transpose(), q.as_ref()));
+            q = orthonormal(product(t, z.as_ref()));
         }
         q
     };
@@ -74,36 +75,18 @@ pub fn truncated_svd(values: &[f32], n_rows: usize, n_columns: usize, rank: usiz
     let wide = Mat::<f64>::from_fn(projected.nrows(), projected.ncols(), |i, j| f64::from(projected[(i, j)]));
     let mut gram = Mat::<f64>::zeros(width, width);
     matmul(&mut gram, Accum::Replace, &wide, wide.transpose(), 1.0, Par::Seq);
-    let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else {
+    let Some((values, vectors)) = eigen(&gram) else {
         // Only non-finite input does this, and rows are finite by construction.
         panic!("singular values of a {n_rows} x {n_columns} transport matrix did not converge");
     };
-    // Eigenvalues rise; we want them falling.
     let rank = rank.min(width);
-    let mut turn = Mat::<f32>::zeros(width, rank);
-    let mut sigma_squared = Vec::with_capacity(rank);
-    for column in 0..rank {
-        let from = width - 1 - column;
-        sigma_squared.push(eigen.S()[from].max(0.0));
-        for row in 0..width {
-            turn[(row, column)] = eigen.U()[(row, from)] as f32;
-        }
-    }
+    let sigma_squared = values[..rank].iter().map(|value| value.max(0.0)).collect();
+    let mut turn = Mat::<f32>::from_fn(width, rank, |row, column| vectors[(row, column)] as f32);
     let mut u = product(q.as_ref(), turn.as_ref());
     for column in 0..rank {
-        let mut largest = 0.0f32;
-        for row in 0..n_rows {
-            if u[(row, column)].abs() > largest.abs() {
-                largest = u[(row, column)];
-            }
-        }
-        if largest < 0.0 {
-            for row in 0..n_rows {
-                u[(row, column)] = -u[(row, column)];
-            }
-            for row in 0..width {
-                turn[(row, column)] = -turn[(row, column)];
-            }
+        let larger = |held: f32, &value: &f32| if value.abs() > held.abs() { value } else { held };
+        if u.col(column).iter().fold(0.0, larger) < 0.0 {
+            u.col_mut(column).iter_mut().chain(turn.col_mut(column).iter_mut()).for_each(|value| *value = -*value);
         }
     }
     let p = product(turn.transpose(), projected.as_ref());
@@ -121,11 +104,20 @@ pub fn residual_by_row(values: &[f32], u: &[f32], p: &[f32], rank: usize, n_colu
     // Transposed, so that faer's columns are our rows.
     let mut difference = MatRef::from_row_major_slice(values, n_rows, n_columns).transpose().to_owned();
     matmul(&mut difference, Accum::Add, p.transpose(), u.transpose(), -1.0, Par::Seq);
-    (0..n_rows).map(|row| difference.col(row).iter().map(|&value| f64::from(value) * f64::from(value)).sum()).collect()
+    (0..n_rows).map(|row| squared_norm(difference.col_as_slice(row))).collect()
 }
 
 fn squared_norm(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
+}
+
+/// Random directions, `n_rows` high.
+pub(crate) fn sketch(stream: u64, n_rows: usize, width: usize) -> Mat<f32> {
+    Mat::from_fn(n_rows, width, |row, column| {
+        // Sums of two uniforms are near enough to normal.
+        let counter = (row * width + column) as u64;
+        (counter_uniform(stream, counter, 0) + counter_uniform(stream, counter, 1) - 1.0) as f32
+    })
 }
 
 pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
@@ -134,11 +126,31 @@ pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
     result
 }
 
-pub(crate) fn orthonormal(matrix: &Mat<f32>) -> Mat<f32> {
-    matrix.qr().compute_thin_Q()
+/// Orthonormal columns that span those of a matrix with at least as many rows: Q of its QR decomposition.
+pub(crate) fn orthonormal(mut matrix: Mat<f32>) -> Mat<f32> {
+    let (m, n) = matrix.shape();
+    let block = recommended_block_size::<f32>(m, n);
+    let scratch = qr_in_place_scratch::<f32>(m, n, block, Par::Seq, Spec::default()).or(q_scratch::<f32>(m, block, n));
+    let mut memory = MemBuffer::new(scratch);
+    let (mut factor, mut q) = (Mat::zeros(block, n), Mat::identity(m, n));
+    qr_in_place(matrix.as_mut(), factor.as_mut(), Par::Seq, MemStack::new(&mut memory), Spec::default());
+    apply_q(matrix.as_ref(), factor.as_ref(), Conj::No, q.as_mut(), Par::Seq, MemStack::new(&mut memory));
+    q
 }
 
-fn row_major(matrix: &Mat<f32>) -> Vec<f32> {
+/// Eigenvalues of a symmetric matrix, falling, and their vectors, by column; `None` if it is not finite.
+pub(crate) fn eigen(symmetric: &Mat<f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = symmetric.nrows();
+    let (mut values, mut vectors) = (Diag::zeros(n), Mat::zeros(n, n));
+    let scratch = self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
+    let (mut memory, turned) = (MemBuffer::new(scratch), Some(vectors.as_mut()));
+    let stack = MemStack::new(&mut memory);
+    self_adjoint_evd(symmetric.as_ref(), values.as_mut(), turned, Par::Seq, stack, Spec::default()).ok()?;
+    // They rise.
+    Some((values.column_vector().iter().rev().copied().collect(), vectors.as_ref().reverse_cols().to_owned()))
+}
+
+pub(crate) fn row_major(matrix: &Mat<f32>) -> Vec<f32> {
     let mut values = Vec::with_capacity(matrix.nrows() * matrix.ncols());
     for row in 0..matrix.nrows() {
         values.extend(matrix.row(row).iter());
@@ -176,7 +188,7 @@ mod tests {
                 counter_uniform(9, stream, (i * 5000 + j) as u64) as f32 - 0.5
             })
         };
-        let (a, b) = (orthonormal(&random(1, n_rows)), orthonormal(&random(2, n_columns)));
+        let (a, b) = (orthonormal(random(1, n_rows)), orthonormal(random(2, n_columns)));
         let scaled = Mat::<f32>::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] * (-(j as f32) / 6.0).exp());
         row_major(&product(scaled.as_ref(), b.transpose()))
     }

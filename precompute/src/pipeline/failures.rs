@@ -6,11 +6,7 @@ use crate::{
 };
 
 pub(super) fn tree_error(error: TreeError) -> BakeError {
-    BakeError::Scene {
-        what: error.to_string(),
-        place: None,
-        remedy: "remove stray far-away or microscopic geometry".into(),
-    }
+    stage_error(error.to_string(), error.help().into(), true)
 }
 
 pub(super) fn voxel_error(error: VoxelError) -> BakeError {

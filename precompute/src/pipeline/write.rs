@@ -23,9 +23,9 @@ impl BakeOutput {
     /// the bake kept those of `source`, the file that the scene was read from. Each file appears whole or not at all.
     ///
     /// # Errors
-    /// [`BakeError::Option`] where both are one file, [`BakeError::Output`] where a file cannot be written, [`BakeError::Limit`] where
-    /// the scene is too large for a .glb file, [`BakeError::Scene`] for an image that cannot be encoded, [`BakeError::Internal`] for
-    /// arrays that the format refuses.
+    /// [`BakeError::Option`] where both are one file, the scene is too large for a .glb file, or the options for the baked one,
+    /// [`BakeError::Output`] where a file cannot be written, [`BakeError::Scene`] for an image that cannot be encoded,
+    /// [`BakeError::Internal`] for arrays that the format refuses.
     pub fn write(
         mut self,
         output: &Path,
@@ -60,20 +60,11 @@ impl BakeOutput {
 }
 
 fn not_exported(path: &Path, error: ExportError) -> BakeError {
+    let (what, remedy) = (error.to_string(), error.help().into());
     match error {
         ExportError::Write { cause, .. } => OutputError::write(path, cause).into(),
-        ExportError::TooLarge { bytes, limit, .. } => BakeError::Limit {
-            what: format!("{}, the scene with lightmap coordinates,", path.display()),
-            needed: format!("{bytes} bytes"),
-            allowed: format!("{limit}"),
-            remedy: "split the scene".into(),
-        },
-        ExportError::Image { image, cause, .. } => BakeError::Scene {
-            what: format!("image {image:?} cannot be encoded: {cause}"),
-            place: None,
-            remedy: "give it a size that matches its pixels".into(),
-        },
-        error => BakeError::Internal { what: error.to_string() },
+        ExportError::TooLarge { .. } => BakeError::Option { what, remedy },
+        _ => BakeError::Scene { what, place: None, remedy },
     }
 }
 
@@ -81,6 +72,9 @@ fn not_written(path: &Path, error: WriteError) -> BakeError {
     match error {
         WriteError::Io { source, .. } => OutputError::write(path, source).into(),
         WriteError::NotAFile { path } => OutputError::NotAFile { path }.into(),
+        WriteError::MetadataTooLarge { .. } => {
+            BakeError::Option { what: error.to_string(), remedy: "shorten options or scene path".into() }
+        }
         error => BakeError::Internal { what: error.to_string() },
     }
 }

@@ -182,11 +182,7 @@ pub fn light<'a>(
 }
 
 fn refused(error: RelightError) -> BakeError {
-    BakeError::Scene {
-        what: error.to_string(),
-        place: None,
-        remedy: "check the lighting, and bake the scene again".into(),
-    }
+    BakeError::Scene { what: error.to_string(), place: None, remedy: error.help().into() }
 }
 
 /// Light is not negative, whatever SH and weights make of it.

@@ -1,17 +1,13 @@
-//! The viewer without its window: state, panel and mouse as one egui program.
+//! The viewer without its window: an open bake and all that a user changes of it.
 
-use crate::blit::PixelRect;
 use crate::frame::check_view;
+use crate::gizmo::Drag;
 use crate::open_bake::OpenBake;
-use crate::panel::{self, Figures};
 use crate::stage::Stage;
 use crate::state::ViewState;
-use crate::viewport::Viewport;
 use crate::views::ViewKind;
+use glam::Vec3;
 use localprt_scenes::Lighting;
-
-/// Windows narrower than so many points have no room for a panel beside the picture.
-const NARROW: f32 = 480.0;
 
 /// One open bake under a user's hands.
 pub struct App<'a> {
@@ -55,6 +51,37 @@ pub struct Requests {
     pub quit: bool,
 }
 
+/// How the mouse moves the camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CameraMode {
+    /// Dragging turns the head.
+    #[default]
+    Fly,
+    /// Dragging leads around what is in the middle.
+    Orbit,
+}
+
+/// The light that is being dragged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Held {
+    pub light: usize,
+    pub drag: Drag,
+    /// Place of the handle when it was taken.
+    pub start: Vec3,
+    /// Ray under the mouse then.
+    pub start_ray: (Vec3, Vec3),
+}
+
+/// State of mouse and keys.
+#[derive(Clone, Debug, Default)]
+pub struct Viewport {
+    /// How the mouse moves the camera.
+    pub mode: CameraMode,
+    /// Metres per second.
+    pub speed: f32,
+    pub(crate) held: Option<Held>,
+}
+
 impl<'a> App<'a> {
     /// An open bake as the command line wants it.
     pub fn new(bake: &'a OpenBake<'a>, state: ViewState, camera: usize, first_lighting: Lighting) -> Self {
@@ -62,7 +89,7 @@ impl<'a> App<'a> {
             bake,
             state,
             first_lighting,
-            viewport: Viewport::new(bake),
+            viewport: Viewport { mode: CameraMode::Fly, speed: 0.2 * bake.extent_m(), held: None },
             shows_panel: true,
             shows_keys: false,
             seconds: 0.0,
@@ -72,30 +99,6 @@ impl<'a> App<'a> {
             ev: 0.0,
             camera,
         }
-    }
-
-    /// Panel, picture and what the user does with them; the part of the window that the picture takes.
-    pub fn ui(&mut self, ui: &mut egui::Ui, figures: &Figures<'_>) -> PixelRect {
-        if self.shows_panel && ui.available_width() >= NARROW {
-            egui::Panel::right("panel").default_size(330.0).size_range(240.0..=600.0).show(ui, |ui| {
-                panel::panel(ui, self, figures);
-            });
-        }
-        let pixels_per_point = ui.ctx().pixels_per_point();
-        let frame = egui::Frame::NONE;
-        let picture = egui::CentralPanel::no_frame().frame(frame).show(ui, |ui| {
-            let rect = ui.available_rect_before_wrap();
-            let response = ui.allocate_rect(rect, egui::Sense::click_and_drag());
-            let mut viewport = std::mem::take(&mut self.viewport);
-            viewport.interact(ui, &response, self);
-            viewport.paint(ui, rect, self, figures);
-            self.viewport = viewport;
-            rect
-        });
-        if self.shows_keys {
-            panel::keys_window(ui.ctx(), &mut self.shows_keys);
-        }
-        pixel_rect(picture.inner, pixels_per_point)
     }
 
     /// Shows a view, or says why it cannot.
@@ -139,27 +142,5 @@ impl<'a> App<'a> {
             // A frame that took long must not make things jump far.
             self.seconds += seconds.min(0.25);
         }
-    }
-}
-
-fn pixel_rect(rect: egui::Rect, pixels_per_point: f32) -> PixelRect {
-    let pixel = |points: f32| (points * pixels_per_point).round().max(0.0) as u32;
-    let (x, y) = (pixel(rect.min.x), pixel(rect.min.y));
-    PixelRect { x, y, width: pixel(rect.max.x).saturating_sub(x), height: pixel(rect.max.y).saturating_sub(y) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pixel_rects_fill_the_window_at_any_scale() {
-        for (pixels, scale) in [(1280, 1.0), (1281, 1.5), (777, 1.25), (1000, 2.0)] {
-            let points = pixels as f32 / scale;
-            let rect = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(points, points));
-            assert_eq!(pixel_rect(rect, scale).width, pixels);
-        }
-        let nothing = egui::Rect::from_min_max(egui::pos2(5.0, 5.0), egui::pos2(1.0, 5.0));
-        assert_eq!(pixel_rect(nothing, 1.0).width, 0);
     }
 }

@@ -12,11 +12,21 @@ pub enum DrawError {
     TooManyLights,
 }
 
+impl DrawError {
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::NoScene => "call `Relighter::set_scene` first",
+            Self::TooManyLights => "raise `shadow_layers` of the relighter's options",
+        }
+    }
+}
+
 impl fmt::Display for DrawError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NoScene => "the relighter has no scene; call `Relighter::set_scene` first",
-            Self::TooManyLights => "not all shadow maps fit at once; raise `shadow_layers` of the relighter's options",
+            Self::NoScene => "the relighter has no scene",
+            Self::TooManyLights => "not all shadow maps fit at once",
         })
     }
 }

@@ -83,7 +83,7 @@ impl Renderer {
         let mut gi = Relighter::new(device, queue, &bake.baked, options).map_err(refused)?;
         gi.set_texels(&bake.texels, &bake.casters).map_err(refused)?;
         let draw = SceneDraw::new(device, queue, bake.scene(), &gi, DrawOptions::default())
-            .map_err(|error| CommandError::of(Exit::Internal, &error))?;
+            .map_err(|error| CommandError::of(Exit::Internal, &error).help(error.help()))?;
         let renderer = Self {
             overlays: Overlays::new(device, &gi, bake.baked.view()),
             target: OffscreenTarget::new(device, width, height),
@@ -195,7 +195,7 @@ impl Renderer {
         self.overlays.set_tone_curve(!state.look.view.is_map());
         self.draw
             .encode(&gpu.queue, encoder, &self.gi, &view, &self.target, with_overlays.then_some(&self.overlays), writes)
-            .map_err(|error| CommandError::of(Exit::Internal, &error))
+            .map_err(|error| CommandError::of(Exit::Internal, &error).help(error.help()))
     }
 
     fn develop(&self, gpu: &Gpu, state: &ViewState, encoder: &mut wgpu::CommandEncoder) {
@@ -387,7 +387,7 @@ fn refused(error: RelightError) -> CommandError {
     match &error {
         RelightError::Device { reason } => too_small(reason),
         RelightError::Limit { .. } => too_small(&error.to_string()),
-        _ => CommandError::of(Exit::InvalidInput, &error).help("check the lighting, and bake the scene again"),
+        _ => CommandError::of(Exit::InvalidInput, &error).help(error.help()),
     }
 }
 

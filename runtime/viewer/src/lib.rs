@@ -56,6 +56,7 @@ mod state;
 mod target;
 mod textures;
 mod tone;
+mod ui;
 mod viewpoint;
 mod viewport;
 mod views;
@@ -63,7 +64,7 @@ mod views;
 pub mod web;
 mod window;
 
-pub use app::{App, Requests};
+pub use app::{App, CameraMode, Requests, Viewport};
 pub use blit::PixelRect;
 pub use draw_error::DrawError;
 pub use frame::Renderer;
@@ -88,5 +89,4 @@ pub use state::{Ball, Bounces, Door, LitObject, Look, OverlayState, SceneLight, 
 pub use target::{OffscreenTarget, WHITE};
 pub use tone::ToneMap;
 pub use viewpoint::Viewpoint;
-pub use viewport::{CameraMode, Viewport};
 pub use views::{GRAY_ALBEDO, ViewKind};

@@ -36,7 +36,7 @@ impl Files {
         let path = PathBuf::from(name);
         let baked = Baked::from_bytes(file).map_err(|error| inputs::refused(&path, &error))?;
         let scene = localprt_scenes::load_bytes(scene_name, scene)
-            .map_err(|error| CommandError::of(Exit::InvalidInput, &error).in_file(Path::new(scene_name)))?;
+            .map_err(|error| CommandError::from(error).in_file(Path::new(scene_name)))?;
         if scene.hash != baked.metadata().scene_hash {
             let what = format!("is not the scene that {name} was baked from");
             return Err(CommandError::new(Exit::InvalidInput, what).in_file(Path::new(scene_name)));
@@ -61,12 +61,9 @@ fn reference_beside(path: &Path, baked: &Baked) -> (Option<ReferenceFile>, Optio
     if !beside.exists() {
         return (None, None);
     }
-    match ReferenceFile::read(&beside) {
-        Ok(reference) => match reference.matches(baked) {
-            Ok(()) => (Some(reference), None),
-            Err(error) => (None, Some(format!("{}: {error}", beside.display()))),
-        },
-        Err(error) => (None, Some(format!("{}: {error}", beside.display()))),
+    match ReferenceFile::read(&beside).and_then(|reference| reference.matches(baked).map(|()| reference)) {
+        Ok(reference) => (Some(reference), None),
+        Err(error) => (None, Some(format!("{}: {error}; {}", beside.display(), error.help()))),
     }
 }
 

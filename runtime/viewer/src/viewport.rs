@@ -1,9 +1,7 @@
 //! Mouse and keys over the picture: flying, orbiting, picking, dragging lights.
 
-use crate::app::App;
+use crate::app::{App, CameraMode, Held};
 use crate::gizmo::{Drag, axis_under, drag_along};
-use crate::open_bake::OpenBake;
-use crate::panel::{Figures, legend};
 use crate::scene_overlays::{gizmo_size_m, handle};
 use crate::state::{Bounces, Look, ViewState, torch};
 use crate::tone::ToneMap;
@@ -21,138 +19,96 @@ const NOTCH: f32 = 0.85;
 /// Points of scrolling per notch.
 const NOTCH_POINTS: f32 = 50.0;
 
-/// How the mouse moves the camera.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CameraMode {
-    /// Dragging turns the head.
-    #[default]
-    Fly,
-    /// Dragging leads around what is in the middle.
-    Orbit,
-}
-
-/// The light that is being dragged.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Held {
-    light: usize,
-    drag: Drag,
-    /// Place of the handle when it was taken.
-    start: Vec3,
-    /// Ray under the mouse then.
-    start_ray: (Vec3, Vec3),
-}
-
-/// State of mouse and keys.
-#[derive(Clone, Debug, Default)]
-pub struct Viewport {
-    /// How the mouse moves the camera.
-    pub mode: CameraMode,
-    /// Metres per second.
-    pub speed: f32,
-    held: Option<Held>,
-}
-
-impl Viewport {
-    /// Speeds that suit the scene's size.
-    pub fn new(bake: &OpenBake<'_>) -> Self {
-        Self { mode: CameraMode::Fly, speed: 0.2 * bake.extent_m(), held: None }
+/// One frame of input.
+pub fn interact(ui: &egui::Ui, response: &egui::Response, app: &mut App<'_>) {
+    if response.clicked() || response.drag_started() {
+        // Keys belong to the picture again, not to a field of the panel.
+        ui.ctx().memory_mut(|memory| memory.stop_text_input());
     }
-
-    /// One frame of input.
-    pub fn interact(&mut self, ui: &egui::Ui, response: &egui::Response, app: &mut App<'_>) {
-        if response.clicked() || response.drag_started() {
-            // Keys belong to the picture again, not to a field of the panel.
-            ui.ctx().memory_mut(|memory| memory.stop_text_input());
-        }
-        self.mouse(ui, response, app);
-        if !ui.ctx().text_edit_focused() {
-            self.fly_by_keys(ui, app);
-            ui.input_mut(|input| keys(input, self, app));
-        }
+    mouse(ui, response, app);
+    if !ui.ctx().text_edit_focused() {
+        fly_by_keys(ui, app);
+        ui.input_mut(|input| keys(input, app));
     }
+}
 
-    fn mouse(&mut self, ui: &egui::Ui, response: &egui::Response, app: &mut App<'_>) {
-        let rect = response.rect;
-        let aspect = rect.width() / rect.height().max(1.0);
-        let ray = |point: egui::Pos2, app: &App<'_>| {
-            let at = (point - rect.min) / rect.size().max(egui::vec2(1.0, 1.0));
-            app.state.viewpoint.ray(at.x, at.y, aspect)
-        };
-        let pointer = response.interact_pointer_pos();
-        if response.drag_started_by(PointerButton::Primary) {
-            // Where the button went down, not where the drag was noticed.
-            let origin = ui.input(|input| input.pointer.press_origin()).or(pointer);
-            self.held = origin.and_then(|point| take_hold(app, rect, point, ray(point, app)));
-        }
-        if (response.drag_stopped() || !response.dragged())
-            && let Some(held) = self.held.take()
-        {
-            app.notice = Some(told(app, held.light));
-        }
-        if let (Some(held), Some(point)) = (self.held, pointer) {
-            move_light(app, &held, ray(point, app));
-        } else if response.dragged() {
-            let moved = response.drag_delta();
-            let orbits = (self.mode == CameraMode::Orbit) != ui.input(|input| input.modifiers.alt);
-            let viewpoint = &mut app.state.viewpoint;
-            if response.dragged_by(PointerButton::Primary) {
-                let (left, up) = (-moved.x * TURN_PER_POINT, -moved.y * TURN_PER_POINT);
-                if orbits {
-                    viewpoint.orbit(left, up);
-                } else {
-                    viewpoint.look(left, up);
-                }
+fn mouse(ui: &egui::Ui, response: &egui::Response, app: &mut App<'_>) {
+    let rect = response.rect;
+    let aspect = rect.width() / rect.height().max(1.0);
+    let ray = |point: egui::Pos2, app: &App<'_>| {
+        let at = (point - rect.min) / rect.size().max(egui::vec2(1.0, 1.0));
+        app.state.viewpoint.ray(at.x, at.y, aspect)
+    };
+    let pointer = response.interact_pointer_pos();
+    if response.drag_started_by(PointerButton::Primary) {
+        // Where the button went down, not where the drag was noticed.
+        let origin = ui.input(|input| input.pointer.press_origin()).or(pointer);
+        app.viewport.held = origin.and_then(|point| take_hold(app, rect, point, ray(point, app)));
+    }
+    if (response.drag_stopped() || !response.dragged())
+        && let Some(held) = app.viewport.held.take()
+    {
+        app.notice = Some(told(app, held.light));
+    }
+    if let (Some(held), Some(point)) = (app.viewport.held, pointer) {
+        move_light(app, &held, ray(point, app));
+    } else if response.dragged() {
+        let moved = response.drag_delta();
+        let orbits = (app.viewport.mode == CameraMode::Orbit) != ui.input(|input| input.modifiers.alt);
+        let viewpoint = &mut app.state.viewpoint;
+        if response.dragged_by(PointerButton::Primary) {
+            let (left, up) = (-moved.x * TURN_PER_POINT, -moved.y * TURN_PER_POINT);
+            if orbits {
+                viewpoint.orbit(left, up);
             } else {
-                viewpoint.pan(moved.x, moved.y, rect.height());
+                viewpoint.look(left, up);
             }
-        }
-        if response.hovered() {
-            let scrolled = ui.input(|input| input.smooth_scroll_delta().y);
-            if scrolled != 0.0 {
-                let share = NOTCH.powf(scrolled / NOTCH_POINTS);
-                app.state.viewpoint.approach(share, 1e-3 * app.bake.extent_m());
-            }
-        }
-        if response.clicked()
-            && let Some(point) = pointer
-        {
-            pick(app, rect, point, ray(point, app));
+        } else {
+            viewpoint.pan(moved.x, moved.y, rect.height());
         }
     }
-
-    fn fly_by_keys(&mut self, ui: &egui::Ui, app: &mut App<'_>) {
-        let (step, fast) = ui.input(|input| (input.stable_dt.min(0.1), input.modifiers.shift));
-        let along = |forth: Key, back: Key| {
-            ui.input(|input| f32::from(u8::from(input.key_down(forth))) - f32::from(u8::from(input.key_down(back))))
-        };
-        if ui.input(|input| input.modifiers.command || input.modifiers.alt) {
-            return;
-        }
-        let metres = self.speed * step * if fast { 4.0 } else { 1.0 };
-        let (right, up, ahead) = (along(Key::D, Key::A), along(Key::E, Key::Q), along(Key::W, Key::S));
-        if (right, up, ahead) != (0.0, 0.0, 0.0) {
-            app.state.viewpoint.fly(right * metres, up * metres, ahead * metres);
-            ui.ctx().request_repaint();
+    if response.hovered() {
+        let scrolled = ui.input(|input| input.smooth_scroll_delta().y);
+        if scrolled != 0.0 {
+            let share = NOTCH.powf(scrolled / NOTCH_POINTS);
+            app.state.viewpoint.approach(share, 1e-3 * app.bake.extent_m());
         }
     }
-
-    /// What is drawn over the picture besides the scene: names, legend, the line at the bottom.
-    pub fn paint(&self, ui: &egui::Ui, rect: egui::Rect, app: &App<'_>, figures: &Figures<'_>) {
-        let painter = ui.painter_at(rect);
-        if app.state.overlays.lights {
-            paint_light_names(&painter, rect, app);
-        }
-        if let Some(shown) = figures.legend {
-            legend::paint(&painter, rect, shown);
-        }
-        if app.shows_panel || app.shows_keys {
-            let notice = app.notice.as_deref().unwrap_or("");
-            let keys = "drag: look   W A S D Q E: fly   1-9: views   L: lights   P: probes   H: panel   F1: all keys";
-            paint_line(&painter, rect, if notice.is_empty() { keys } else { notice });
-        }
+    if response.clicked()
+        && let Some(point) = pointer
+    {
+        pick(app, rect, point, ray(point, app));
     }
 }
 
+fn fly_by_keys(ui: &egui::Ui, app: &mut App<'_>) {
+    let (step, fast) = ui.input(|input| (input.stable_dt.min(0.1), input.modifiers.shift));
+    let along = |forth: Key, back: Key| {
+        ui.input(|input| f32::from(u8::from(input.key_down(forth))) - f32::from(u8::from(input.key_down(back))))
+    };
+    if ui.input(|input| input.modifiers.command || input.modifiers.alt) {
+        return;
+    }
+    let metres = app.viewport.speed * step * if fast { 4.0 } else { 1.0 };
+    let (right, up, ahead) = (along(Key::D, Key::A), along(Key::E, Key::Q), along(Key::W, Key::S));
+    if (right, up, ahead) != (0.0, 0.0, 0.0) {
+        app.state.viewpoint.fly(right * metres, up * metres, ahead * metres);
+        ui.ctx().request_repaint();
+    }
+}
+
+/// What is drawn over the picture besides the scene and the legend: names, the line at the bottom.
+pub fn paint(ui: &egui::Ui, rect: egui::Rect, app: &App<'_>) {
+    let painter = ui.painter_at(rect);
+    if app.state.overlays.lights {
+        paint_light_names(&painter, rect, app);
+    }
+    if app.shows_panel || app.shows_keys {
+        let notice = app.notice.as_deref().unwrap_or("");
+        let keys = "drag: look   W A S D Q E: fly   1-9: views   L: lights   P: probes   H: panel   F1: all keys";
+        paint_line(&painter, rect, if notice.is_empty() { keys } else { notice });
+    }
+}
 fn paint_line(painter: &egui::Painter, rect: egui::Rect, text: &str) {
     let font = egui::FontId::proportional(12.0);
     let layout = painter.layout_no_wrap(text.into(), font, egui::Color32::from_gray(225));
@@ -312,7 +268,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("Ctrl Q", "close"),
 ];
 
-fn keys(input: &mut egui::InputState, viewport: &mut Viewport, app: &mut App<'_>) {
+fn keys(input: &mut egui::InputState, app: &mut App<'_>) {
     if input.consume_key(Modifiers::COMMAND, Key::Q) {
         app.requests.quit = true;
     }
@@ -352,13 +308,13 @@ fn keys(input: &mut egui::InputState, viewport: &mut Viewport, app: &mut App<'_>
         app.state.animate = !app.state.animate;
     }
     if pressed(Key::O) {
-        viewport.mode = if viewport.mode == CameraMode::Fly { CameraMode::Orbit } else { CameraMode::Fly };
+        app.viewport.mode = if app.viewport.mode == CameraMode::Fly { CameraMode::Orbit } else { CameraMode::Fly };
     }
     if pressed(Key::OpenBracket) {
-        viewport.speed *= 0.5;
+        app.viewport.speed *= 0.5;
     }
     if pressed(Key::CloseBracket) {
-        viewport.speed *= 2.0;
+        app.viewport.speed *= 2.0;
     }
     if pressed(Key::C) {
         app.next_camera();

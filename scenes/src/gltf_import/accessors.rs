@@ -87,8 +87,8 @@ pub(super) fn accessors<'a>(
         let place = pointer("accessors", index);
         sparse = sparse.saturating_add(accessor.sparse.as_ref().map_or(0, |sparse| sparse.count.0));
         if sparse > most_sparse {
-            let found = format!("{sparse} sparse elements in all accessors up to this one");
-            return Err(source.too_large(place, found, most_sparse, "there is not that much data; export it again"));
+            let found = format!("{sparse} sparse elements up to here, more than the buffers have bytes");
+            return Err(source.too_large(place, found, most_sparse, REPAIR));
         }
         open(source, limits, accessor, views, place)
     };
@@ -217,8 +217,11 @@ fn elements<'a>(
         || !(view.offset + offset).is_multiple_of(size)
         || !(stride as u64).is_multiple_of(size)
     {
-        let found = format!("data of {size}-byte components at byte {offset} of a bufferView at {}", view.offset);
-        return Err(source.invalid(place, found, "components must be aligned to their size; export the file again"));
+        let start = view.offset;
+        let found = format!(
+            "{size}-byte components at byte {offset} of a bufferView at {start}, must be aligned to their size"
+        );
+        return Err(source.invalid(place, found, REPAIR));
     }
     Ok(Elements { bytes: &view.bytes[offset as usize..], stride })
 }

@@ -2,7 +2,7 @@
 
 use super::error::{LoadError, Source};
 
-const EXPORT_AGAIN: &str = "export it again as glTF 2.0 (.glb or .gltf)";
+const EXPORT_AGAIN: &str = "copy it again, or export it again as glTF 2.0 (.glb or .gltf)";
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BIN_CHUNK: u32 = 0x004e_4942;
 
@@ -40,7 +40,7 @@ fn split_glb<'a>(source: &Source, bytes: &'a [u8]) -> Result<Container<'a>, Load
     let length = word(8).ok_or_else(truncated)?;
     if u64::from(length) != bytes.len() as u64 {
         let found = format!("GLB header says {length} bytes, the file has {}", bytes.len());
-        return Err(source.container(found, "copy or export it again, it is damaged"));
+        return Err(source.container(found, EXPORT_AGAIN));
     }
     let mut chunks = Vec::new();
     let mut at = 12;
@@ -49,7 +49,7 @@ fn split_glb<'a>(source: &Source, bytes: &'a [u8]) -> Result<Container<'a>, Load
         let end = (at + 8).checked_add(length as usize).ok_or_else(truncated)?;
         let data = bytes.get(at + 8..end).ok_or_else(|| {
             let found = format!("GLB chunk at byte {at} says {length} bytes, the file ends before that");
-            source.container(found, "copy or export it again, it is damaged")
+            source.container(found, EXPORT_AGAIN)
         })?;
         chunks.push((kind, data));
         // Chunks start at multiples of four; lengths that are not are padded by some writers and not by others.

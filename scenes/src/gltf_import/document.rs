@@ -161,7 +161,7 @@ fn check_version(source: &Source, root: &Value) -> Result<(), LoadError> {
                 let remedy = "convert it to glTF 2.0, for example by importing and exporting it with Blender";
                 return Err(source.unsupported(place, format!("glTF version {version:?}"), remedy));
             }
-            _ => return Err(source.invalid(place, "no glTF version", "is this a glTF file? export it as glTF 2.0")),
+            _ => return Err(source.invalid(place, "no glTF version", "export it as glTF 2.0")),
         }
     }
     Ok(())

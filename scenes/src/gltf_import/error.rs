@@ -1,107 +1,54 @@
 //! What can be wrong with a scene file.
 
-use std::fmt;
+use std::fmt::{self, Display};
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a scene did not load. Every message names the file, the place in it as a JSON pointer, what was found and what
-/// to do; no further cause needs to be printed.
-#[derive(Debug, thiserror::Error)]
+/// Why a scene did not load. As text it names the file, the place in it and what was found; no further cause needs to be
+/// printed.
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum LoadError {
-    /// The operating system refused to read the scene or a file it names.
-    #[error("{}: cannot be read: {cause}; check that it exists and may be read", .file.display())]
-    Read {
-        /// The file that was being read.
-        file: PathBuf,
-        /// What the operating system said.
-        cause: std::io::Error,
-    },
-    /// Not glTF 2.0: wrong magic, damaged container, not JSON.
-    #[error("{}: {found}; {remedy}", .file.display())]
-    Container {
-        /// The scene file.
-        file: PathBuf,
-        /// What was found.
-        found: String,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// The file contradicts the glTF specification, or itself.
-    #[error("{}: at {pointer}: {found}; {remedy}", .file.display())]
-    Invalid {
-        /// The scene file.
-        file: PathBuf,
-        /// JSON pointer to the place.
-        pointer: String,
-        /// What was found.
-        found: String,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// A buffer or image that is missing, outside of the scene's folder, or not what its reader needs.
-    #[error("{}: at {pointer}: cannot use {uri}: {reason}; {remedy}", .file.display())]
-    Resource {
-        /// The scene file.
-        file: PathBuf,
-        /// JSON pointer to the place.
-        pointer: String,
-        /// The address as written, shortened, or the image's name.
-        uri: String,
-        /// Why it cannot be used.
-        reason: String,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// Larger than a limit of [`Limits`](super::Limits).
-    #[error("{}: at {pointer}: {found}, the limit is {limit}; {remedy}", .file.display())]
-    TooLarge {
-        /// The scene file.
-        file: PathBuf,
-        /// JSON pointer to the place, empty for the file itself.
-        pointer: String,
-        /// What was found, with its unit.
-        found: String,
-        /// The limit, in the same unit.
-        limit: u64,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// Valid glTF that needs something this importer does not read.
-    #[error("{}: at {pointer}: {feature} is not supported; {remedy}", .file.display())]
-    Unsupported {
-        /// The scene file.
-        file: PathBuf,
-        /// JSON pointer to the place.
-        pointer: String,
-        /// Extension, version or image format.
-        feature: String,
-        /// What to do.
-        remedy: &'static str,
-    },
+pub struct LoadError {
+    /// Who can act.
+    pub kind: LoadErrorKind,
+    /// The scene file, or one that it names and that cannot be read.
+    pub file: PathBuf,
+    /// JSON pointer to the place; none where it is the file as a whole.
+    pub pointer: Option<String>,
+    /// What was found, and what is allowed.
+    pub found: String,
+    /// What to do.
+    pub help: &'static str,
 }
 
 /// Who can act on a [`LoadError`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LoadErrorKind {
-    /// The scene has to be repaired (or made smaller).
+    /// The scene has to be repaired (or made smaller): it contradicts the glTF specification or itself, names a file that is missing
+    /// or out of bounds, or exceeds one of the [`Limits`](super::Limits).
     Invalid,
-    /// The scene has to be converted.
+    /// The scene has to be converted: it is valid, and needs something that this importer does not read.
     Unsupported,
     /// The machine: permissions, disk, a scene path that is not there.
     Io,
 }
 
-impl LoadError {
-    /// Who can act on it.
-    pub fn kind(&self) -> LoadErrorKind {
-        match self {
-            Self::Read { .. } => LoadErrorKind::Io,
-            Self::Unsupported { .. } => LoadErrorKind::Unsupported,
-            Self::Container { .. } | Self::Invalid { .. } | Self::Resource { .. } | Self::TooLarge { .. } => {
-                LoadErrorKind::Invalid
-            }
+impl Display for LoadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.file.display())?;
+        if let Some(pointer) = &self.pointer {
+            write!(f, "at {pointer}: ")?;
         }
+        f.write_str(&self.found)
     }
+}
+
+impl std::error::Error for LoadError {}
+
+/// The system refused to read a file.
+pub(super) fn unreadable(file: PathBuf, cause: &io::Error) -> LoadError {
+    let (found, help) = (format!("cannot be read: {cause}"), "check that it is a file and may be read");
+    LoadError { kind: LoadErrorKind::Io, file, pointer: None, found, help }
 }
 
 /// The scene file's path, and shorthands for errors about it.
@@ -115,58 +62,27 @@ impl Source {
         Self { file: file.to_owned() }
     }
 
-    pub fn container(&self, found: impl Into<String>, remedy: &'static str) -> LoadError {
-        LoadError::Container { file: self.file.clone(), found: found.into(), remedy }
+    pub fn container(&self, found: impl Into<String>, help: &'static str) -> LoadError {
+        LoadError { kind: LoadErrorKind::Invalid, file: self.file.clone(), pointer: None, found: found.into(), help }
     }
 
-    pub fn invalid(&self, pointer: impl fmt::Display, found: impl Into<String>, remedy: &'static str) -> LoadError {
-        LoadError::Invalid { file: self.file.clone(), pointer: pointer.to_string(), found: found.into(), remedy }
+    pub fn invalid(&self, pointer: impl Display, found: impl Into<String>, help: &'static str) -> LoadError {
+        LoadError { pointer: Some(pointer.to_string()), ..self.container(found, help) }
     }
 
-    pub fn resource(
-        &self,
-        pointer: impl fmt::Display,
-        uri: &str,
-        reason: impl Into<String>,
-        remedy: &'static str,
-    ) -> LoadError {
-        LoadError::Resource {
-            file: self.file.clone(),
-            pointer: pointer.to_string(),
-            uri: shortened(uri),
-            reason: reason.into(),
-            remedy,
-        }
+    /// `name` is an address as written, or the name of an image.
+    pub fn resource(&self, pointer: impl Display, name: &str, reason: impl Display, help: &'static str) -> LoadError {
+        self.invalid(pointer, format!("cannot use {}: {reason}", shortened(name)), help)
     }
 
-    pub fn unsupported(
-        &self,
-        pointer: impl fmt::Display,
-        feature: impl Into<String>,
-        remedy: &'static str,
-    ) -> LoadError {
-        LoadError::Unsupported {
-            file: self.file.clone(),
-            pointer: pointer.to_string(),
-            feature: feature.into(),
-            remedy,
-        }
+    pub fn unsupported(&self, pointer: impl Display, feature: impl Display, help: &'static str) -> LoadError {
+        let error = self.invalid(pointer, format!("{feature} is not supported"), help);
+        LoadError { kind: LoadErrorKind::Unsupported, ..error }
     }
 
-    pub fn too_large(
-        &self,
-        pointer: impl fmt::Display,
-        found: impl Into<String>,
-        limit: u64,
-        remedy: &'static str,
-    ) -> LoadError {
-        LoadError::TooLarge {
-            file: self.file.clone(),
-            pointer: pointer.to_string(),
-            found: found.into(),
-            limit,
-            remedy,
-        }
+    /// `found` and `limit` have one unit.
+    pub fn too_large(&self, pointer: impl Display, found: impl Display, limit: u64, help: &'static str) -> LoadError {
+        self.invalid(pointer, format!("{found}, the limit is {limit}"), help)
     }
 }
 

@@ -159,8 +159,9 @@ impl Geometry<'_> {
         fault: Fault,
     ) -> Result<Vec<Vec4>, LoadError> {
         if accessor.count != positions.count {
-            let found = format!("{} elements, but {} has {}", accessor.count, positions.place, positions.count);
-            return Err(self.source.invalid(&accessor.place, found, "attributes of a primitive must have one count"));
+            let found =
+                format!("{} elements, must be as many as {} has, {}", accessor.count, positions.place, positions.count);
+            return Err(self.source.invalid(&accessor.place, found, REPAIR));
         }
         let read = |&vertex: &u32| {
             let value = Vec4::from_array(accessor.floats(vertex as usize));

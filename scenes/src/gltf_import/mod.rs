@@ -50,7 +50,7 @@ pub fn load_within(path: impl AsRef<Path>, limits: &Limits) -> Result<Scene, Loa
 /// its path, in messages and in the scene's name; nothing is read from there.
 ///
 /// # Errors
-/// As [`load`]; a buffer or image in a file of its own is a [`LoadError::Resource`].
+/// As [`load`]; a buffer or image in a file of its own is refused.
 pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Scene, LoadError> {
     let (source, limits) = (&Source::new(name.as_ref()), &Limits::default());
     resources::check_scene_length(source, limits, bytes.len() as u64)?;

@@ -78,15 +78,15 @@ fn lightmap_wish(
         match key.as_str() {
             "texel_scale" => match value.as_f64() {
                 Some(scale) if TEXEL_SCALES.contains(&scale) => wish.texel_scale = scale as f32,
-                _ => return wrong("texel_scale must be from 1/64 to 64: 2.0 gives texels half as large"),
+                _ => return wrong("give a number from 1/64 to 64: 2.0 makes texels half as large"),
             },
             // Custom properties of some modellers are numbers.
             "bake" => match (value.as_bool(), value.as_f64()) {
                 (Some(bake), _) => wish.bake = bake,
                 (None, Some(number)) => wish.bake = number != 0.0,
-                (None, None) => return wrong("bake must be true or false"),
+                (None, None) => return wrong("write true or false"),
             },
-            _ => return wrong("only texel_scale and bake are known"),
+            _ => return wrong("remove it: only texel_scale and bake are known"),
         }
     }
     Ok(wish)
@@ -115,7 +115,7 @@ pub(super) fn lights(source: &Source, document: &Document, placed: &[Placed]) ->
                 let widest = std::f32::consts::FRAC_PI_2 + 1e-6;
                 if !(0.0 <= inner_cone && inner_cone <= outer_cone && 0.0 < outer_cone && outer_cone <= widest) {
                     let found = format!("cone half angles {inner_cone} and {outer_cone}");
-                    return Err(source.invalid(place, found, "0 <= inner <= outer <= pi / 2 must hold"));
+                    return Err(source.invalid(place, found, "choose angles with 0 <= inner <= outer <= pi / 2"));
                 }
                 LightKind::Spot { inner_cone, outer_cone }
             }
@@ -127,7 +127,7 @@ pub(super) fn lights(source: &Source, document: &Document, placed: &[Placed]) ->
         let sound = |value: f32| value.is_finite() && value >= 0.0;
         if !color.to_array().into_iter().all(sound) || !sound(light.intensity) || !light.range.is_none_or(|r| r > 0.0) {
             let found = format!("color {color}, intensity {}, range {:?}", light.intensity, light.range);
-            return Err(source.invalid(place, found, "all must be finite and not negative, the range above 0"));
+            return Err(source.invalid(place, found, "make all finite and not negative, and the range larger than 0"));
         }
         let position = to_world.w_axis.truncate().as_vec3();
         let direction = unit_or_keep(-to_world.z_axis.truncate());

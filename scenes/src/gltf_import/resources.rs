@@ -2,7 +2,7 @@
 
 use super::accessors::View;
 use super::document::{Document, pointer, remedy_for};
-use super::error::{LoadError, Source};
+use super::error::{LoadError, Source, unreadable};
 use crate::scene::Image;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -112,7 +112,7 @@ impl<'a> Resources<'a> {
             let present = bytes.len() as u64;
             if present < length {
                 let found = format!("byteLength {length}, but {what} holds {present} bytes");
-                return Err(self.source.invalid(place, found, "copy or export the scene again, data is missing"));
+                return Err(self.source.invalid(place, found, "copy or export the scene again"));
             }
             match &mut bytes {
                 Cow::Borrowed(bytes) => *bytes = &bytes[..length as usize],
@@ -234,7 +234,7 @@ impl<'a> Resources<'a> {
                     SMALLER,
                 ));
             }
-            Err(ReadError::Io(cause)) => return Err(LoadError::Read { file: path, cause }),
+            Err(ReadError::Io(cause)) => return Err(unreadable(path, &cause)),
         };
         self.hasher.update(&bytes);
         Ok(bytes)
@@ -272,7 +272,7 @@ impl<'a> Resources<'a> {
             .decode_utf8()
             .map_err(|_| refused("its percent-encoding does not give UTF-8"))?;
         if decoded.contains(['\0', '\\']) {
-            return Err(refused("it contains a backslash or a zero byte; folders are separated by /"));
+            return Err(refused("it contains a backslash or a zero byte, folders are separated by /"));
         }
         let relative = Path::new(decoded.as_ref());
         if decoded.is_empty() || decoded.ends_with('/') {
@@ -290,14 +290,13 @@ impl<'a> Resources<'a> {
             None => {
                 let parent = source.file.parent().filter(|parent| !parent.as_os_str().is_empty());
                 let parent = parent.unwrap_or(Path::new("."));
-                let folder =
-                    parent.canonicalize().map_err(|cause| LoadError::Read { file: parent.to_owned(), cause })?;
+                let folder = parent.canonicalize().map_err(|cause| unreadable(parent.to_owned(), &cause))?;
                 self.folder.insert(folder)
             }
         };
         let joined = folder.join(relative);
         let path = joined.canonicalize().map_err(|cause| match cause.kind() {
-            io::ErrorKind::PermissionDenied => LoadError::Read { file: joined, cause },
+            io::ErrorKind::PermissionDenied => unreadable(joined, &cause),
             io::ErrorKind::NotFound => source.resource(place, uri, "there is no such file", "put it beside the scene"),
             _ => source.resource(place, uri, cause.to_string(), REFERENCE),
         })?;
@@ -313,7 +312,7 @@ pub(super) fn read_scene_file(source: &Source, limits: &Limits) -> Result<Vec<u8
     read_regular_file(&source.file, Amount::All { limit: limits.file_bytes }).map_err(|error| match error {
         ReadError::NotRegular => source.container("not a regular file", "give the path of a .gltf or .glb file"),
         ReadError::TooLarge { length, limit } => source.too_large("/", format!("{length} bytes"), limit, SMALLER),
-        ReadError::Io(cause) => LoadError::Read { file: source.file.clone(), cause },
+        ReadError::Io(cause) => unreadable(source.file.clone(), &cause),
     })
 }
 

@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Vec3>), LightingError> 
             for (index, pixel) in pixels.iter_mut().enumerate() {
                 if !pixel.is_finite() {
                     let (column, row) = (index % width, index / width);
-                    return Err(format!("pixel {column}, {row} is {pixel}, not finite; repair the image"));
+                    return Err(format!("pixel {column}, {row} is {pixel}, not finite"));
                 }
                 *pixel = pixel.max(Vec3::ZERO);
             }
@@ -53,7 +53,7 @@ fn read_exr(path: &Path) -> Result<(usize, usize, Vec<Vec3>), String> {
         check_size(size.0, size.1)?;
         let shown = header.shared_attributes.display_window;
         if shown.size != size || shown.position != header.own_attributes.layer_position {
-            return Err("the data window is not the display window; save the image without cropping".into());
+            return Err("the data window is not the display window".into());
         }
     }
     let image = exr::prelude::read()

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-/// A lighting file or one of its images that cannot be used. `place` is a JSON pointer such as `/lights/0/range`.
+/// A lighting file or one of its images that cannot be used. `place` is a JSON pointer such as `/lights/0/range`; what to do is
+/// [`LightingError::help`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LightingError {
@@ -21,7 +22,7 @@ pub enum LightingError {
         source: serde_json::Error,
     },
     /// A key that means nothing here.
-    #[error("{place}: unknown key `{key}`, nearest known one is `{nearest}` (known: {known})")]
+    #[error("{place}: unknown key `{key}`")]
     UnknownKey {
         /// The object that holds the key.
         place: String,
@@ -33,13 +34,13 @@ pub enum LightingError {
         known: String,
     },
     /// A key that has to be there.
-    #[error("{place}: missing key `{key}` ({reason})")]
+    #[error("{place}: missing key `{key}`")]
     MissingKey {
         /// The object that lacks the key.
         place: String,
         /// The key.
         key: &'static str,
-        /// Why it is needed.
+        /// What it is for.
         reason: &'static str,
     },
     /// A value of another JSON type.
@@ -73,11 +74,11 @@ pub enum LightingError {
         found: String,
     },
     /// An override for a material that the scene does not have.
-    #[error("/materials: the scene has no material named \"{name}\"; {near}")]
+    #[error("/materials: the scene has no material named \"{name}\"")]
     UnknownMaterial {
         /// The name found.
         name: String,
-        /// Names to choose from, as a phrase.
+        /// Names that differ least from it, quoted; none if the scene has no materials.
         near: String,
     },
     /// An equirect image that cannot be used.
@@ -85,7 +86,26 @@ pub enum LightingError {
     SkyImage {
         /// The image file.
         path: PathBuf,
-        /// What is wrong and what would be right.
+        /// What is wrong.
         reason: String,
     },
+}
+
+impl LightingError {
+    /// What to do.
+    pub fn help(&self) -> String {
+        match self {
+            Self::Read { .. } => "check that it is a file and may be read".into(),
+            Self::UnknownKey { nearest, known, .. } => format!("did you mean `{nearest}`? known are {known}"),
+            Self::MissingKey { reason, .. } => format!("add it: {reason}"),
+            Self::Syntax { .. } | Self::WrongType { .. } | Self::OutOfRange { .. } | Self::UnknownChoice { .. } => {
+                "correct it there; scenes/README.md describes lighting files".into()
+            }
+            Self::UnknownMaterial { near, .. } if near.is_empty() => "remove it: the scene has no materials".into(),
+            Self::UnknownMaterial { near, .. } => format!("choose one of the scene's, such as {near}"),
+            Self::SkyImage { .. } => {
+                "save it as a whole .exr or .hdr image of finite numbers, beside the lighting file or below".into()
+            }
+        }
+    }
 }

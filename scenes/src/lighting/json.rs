@@ -209,15 +209,12 @@ fn parse_materials(place: &Place) -> Result<BTreeMap<String, MaterialOverride>, 
     Ok(overrides)
 }
 
-/// The three names that differ least from the one asked for.
+/// The three names that differ least from the one asked for, quoted.
 fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
     let mut near: Vec<&str> = known.iter().copied().collect();
-    if near.is_empty() {
-        return "it has no materials".into();
-    }
     near.sort_by_key(|candidate| strsim::levenshtein(&name.to_lowercase(), &candidate.to_lowercase()));
     let quoted: Vec<String> = near.iter().take(3).map(|name| format!("\"{name}\"")).collect();
-    format!("nearest are {} (of {})", quoted.join(", "), near.len())
+    quoted.join(", ")
 }
 
 #[cfg(test)]
@@ -227,10 +224,6 @@ mod tests {
 
     fn parsed(text: &str) -> Lighting {
         Lighting::from_json(text, Path::new("")).unwrap()
-    }
-
-    fn message(text: &str) -> String {
-        Lighting::from_json(text, Path::new("")).unwrap_err().to_string()
     }
 
     fn scene() -> Scene {
@@ -296,8 +289,11 @@ mod tests {
     #[test]
     fn unknown_material_lists_near_names() {
         let text = r#"{"materials":{"Red Wal":{"albedo":0.5}}}"#;
-        let error = Lighting::from_json_for(text, Path::new(""), &scene()).unwrap_err().to_string();
-        assert!(error.contains("\"Red Wal\"") && error.contains("nearest are \"red wall\""), "{error}");
+        let error = Lighting::from_json_for(text, Path::new(""), &scene()).unwrap_err();
+        assert!(error.to_string().contains("\"Red Wal\""), "{error}");
+        assert!(error.help().starts_with("choose one of the scene's, such as \"red wall\", "), "{}", error.help());
+        let error = Lighting::from_json_for(text, Path::new(""), &Scene::default()).unwrap_err();
+        assert_eq!(error.help(), "remove it: the scene has no materials");
         assert!(Lighting::from_json(text, Path::new("")).is_ok());
     }
 
@@ -310,9 +306,9 @@ mod tests {
             (r#"{"sky":{"type":"constant","radiance":[1,1,1],"scale":2}}"#, "/sky", "scale", "type"),
             (r#"{"materials":{"a/b":{"albdo":1}}}"#, "/materials/a~1b", "albdo", "albedo"),
         ] {
-            let error = message(text);
-            let expected = format!("{place}: unknown key `{key}`, nearest known one is `{nearest}`");
-            assert!(error.starts_with(&expected), "{error}\n{expected}");
+            let error = Lighting::from_json(text, Path::new("")).unwrap_err();
+            assert_eq!(error.to_string(), format!("{place}: unknown key `{key}`"));
+            assert!(error.help().starts_with(&format!("did you mean `{nearest}`? known are ")), "{}", error.help());
         }
     }
 
@@ -352,8 +348,9 @@ mod tests {
             ("{".into(), "not valid JSON"),
             (r#"{"albedo_override":1e999}"#.into(), "not valid JSON"),
         ] {
-            let error = message(&text);
-            assert!(error.starts_with(place), "{text}\n{error}");
+            let error = Lighting::from_json(&text, Path::new("")).unwrap_err();
+            assert!(error.to_string().starts_with(place), "{text}\n{error}");
+            assert!(["add", "correct", "save"].iter().any(|action| error.help().starts_with(action)), "{text}");
         }
     }
 

@@ -69,15 +69,6 @@ impl CommandError {
         Self { file: Some(file.to_owned()), what, ..self }
     }
 
-    /// The same with what follows the message's last semicolon, the remedy by custom of this project, as help.
-    pub fn with_remedy(mut self) -> Self {
-        if let (None, Some((what, remedy))) = (&self.help, self.what.rsplit_once("; ")) {
-            self.help = Some(remedy.to_owned());
-            self.what = what.to_owned();
-        }
-        self
-    }
-
     /// The same at a place of the file.
     pub fn at(self, place: impl Into<String>) -> Self {
         Self { place: Some(place.into()), ..self }
@@ -179,9 +170,8 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_bring_file_and_remedy_are_taken_apart() {
-        let error = CommandError::new(Exit::InvalidInput, "a.glb: at /nodes/1: has a loop; export it again");
-        let text = error.with_remedy().in_file(Path::new("a.glb")).to_string();
-        assert_eq!(text, "a.glb: at /nodes/1: has a loop\nhelp: export it again");
+    fn a_message_that_names_the_file_does_not_repeat_it() {
+        let error = CommandError::new(Exit::InvalidInput, "a.glb: at /nodes/1: has a loop").in_file(Path::new("a.glb"));
+        assert_eq!(error.to_string(), "a.glb: at /nodes/1: has a loop");
     }
 }

@@ -6,10 +6,10 @@ use crate::error::{CommandError, Exit};
 use crate::hex;
 use crate::picture::default_camera;
 use localprt_formats::{Baked, Checked, Metadata, OpenError};
-use localprt_scenes::{Camera, Lighting, LightingError, LoadErrorKind, Scene, builtin};
+use localprt_scenes::{Camera, Lighting, LightingError, LoadError, LoadErrorKind, Scene, builtin};
 use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
-use std::path::{Component, Path, PathBuf};
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// What stands before the name of a built-in scene.
 pub const BUILTIN: &str = "builtin:";
@@ -41,14 +41,18 @@ pub fn builtin_scene(name: &str) -> Result<Scene, CommandError> {
 /// A .gltf or .glb file.
 pub fn scene_file(path: &Path) -> Result<Scene, CommandError> {
     readable(path)?;
-    localprt_scenes::load(path).map_err(|error| {
-        let exit = match error.kind() {
+    localprt_scenes::load(path).map_err(|error| CommandError::from(error).in_file(path))
+}
+
+impl From<LoadError> for CommandError {
+    fn from(error: LoadError) -> Self {
+        let exit = match error.kind {
             LoadErrorKind::Invalid => Exit::InvalidInput,
             LoadErrorKind::Unsupported => Exit::Unsupported,
             LoadErrorKind::Io => Exit::Io,
         };
-        CommandError::of(exit, &error).with_remedy().in_file(path)
-    })
+        Self::of(exit, &error).help(error.help)
+    }
 }
 
 /// The scene with the lightmap coordinates of a baked file: named by the user, or found beside the file. It has to be
@@ -80,7 +84,7 @@ pub fn lighting(path: Option<&Path>, scene: &Scene) -> Result<Lighting, CommandE
     readable(path)?;
     Lighting::load_for(path, scene).map_err(|error| {
         let exit = if matches!(error, LightingError::Read { .. }) { Exit::Io } else { Exit::InvalidInput };
-        CommandError::of(exit, &error).with_remedy().in_file(path)
+        CommandError::of(exit, &error).help(error.help()).in_file(path)
     })
 }
 
@@ -102,13 +106,12 @@ pub fn refused(path: &Path, error: &OpenError) -> CommandError {
         OpenError::UnsupportedVersion { .. } => Exit::Unsupported,
         _ => Exit::InvalidInput,
     };
-    let error = CommandError::of(exit, error).with_remedy().in_file(path);
-    if error.help.is_some() { error } else { error.help("bake the scene again, or copy the file again") }
+    CommandError::of(exit, error).help(error.help()).in_file(path)
 }
 
 /// Rays against a scene.
 pub fn caster(scene: &Scene) -> Result<RayCaster<'_>, CommandError> {
-    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).with_remedy())
+    RayCaster::new(scene).map_err(|error| CommandError::of(Exit::InvalidInput, &error).help(error.help()))
 }
 
 /// A camera of the scene by number, or its first, or one that shows the whole scene.
@@ -157,14 +160,9 @@ fn beside(file: &Path, relative: &str) -> PathBuf {
 /// What the system says of one that does not.
 pub fn relative_path(folder: &Path, file: &Path) -> std::io::Result<String> {
     let (from, to) = (folder.canonicalize()?, file.canonicalize()?);
-    let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
-    let up = from.components().skip(shared).map(|_| "..".to_owned());
-    let down = to.components().skip(shared).map(|part| part.as_os_str().to_string_lossy().into_owned());
-    if shared == 0 || to.components().skip(shared).any(|part| matches!(part, Component::Prefix(_))) {
-        // Another drive.
-        return Ok(to.to_string_lossy().replace('\\', "/"));
-    }
-    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+    // Another drive has no way to it but the whole path.
+    let way = pathdiff::diff_paths(&to, from).unwrap_or(to);
+    Ok(way.to_string_lossy().replace(MAIN_SEPARATOR, "/"))
 }
 
 /// The first digits of a hash, enough to tell two apart.

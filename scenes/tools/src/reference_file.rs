@@ -65,15 +65,13 @@ pub enum ReferenceError {
         cause: io::Error,
     },
     /// Not what [`ReferenceFile::write`] writes.
-    #[error("is not a whole reference file: {what}; run precompute validate again")]
+    #[error("is not a whole reference file: {what}")]
     Damaged {
         /// What is wrong.
         what: String,
     },
     /// Of another bake.
-    #[error(
-        "was measured on another bake: its content hash is {found}, not {expected}; run precompute validate on this one"
-    )]
+    #[error("was measured on another bake: its content hash is {found}, not {expected}")]
     OtherBake {
         /// First digits of the hash in the reference file.
         found: String,
@@ -82,13 +80,24 @@ pub enum ReferenceError {
     },
 }
 
+impl ReferenceError {
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Io { .. } => "check that it is a file and may be read",
+            Self::Damaged { .. } => "run precompute validate again",
+            Self::OtherBake { .. } => "run precompute validate on this one",
+        }
+    }
+}
+
 impl From<ReferenceError> for CommandError {
     fn from(error: ReferenceError) -> Self {
         let exit = match error {
             ReferenceError::Io { .. } => Exit::Io,
             ReferenceError::Damaged { .. } | ReferenceError::OtherBake { .. } => Exit::InvalidInput,
         };
-        Self::of(exit, &error).with_remedy()
+        Self::of(exit, &error).help(error.help())
     }
 }
 

@@ -1,8 +1,9 @@
 //! Small dense matrices of the fit; with the singular values, the only file that names faer. One thread, f32 unless said.
 
-use crate::compress::svd::{orthonormal, product, transposed_product};
-use faer::{Mat, MatMut, MatRef, Par, Side, prelude::Solve};
-use localprt_formats::directions::counter_uniform;
+use crate::compress::svd::{eigen, orthonormal, product, row_major, sketch, transposed_product};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::{factor, solve::solve_in_place};
+use faer::{Mat, MatMut, MatRef, Par, Spec};
 
 /// Random directions beyond the wanted modes.
 const OVERSAMPLING: usize = 8;
@@ -20,13 +21,23 @@ pub(super) fn gram(matrix: &[f32], n_rows: usize) -> Vec<f32> {
 /// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix and row-major right sides `[n_k][n]`; `None` if rounding
 /// left the matrix not positive definite.
 pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Option<Vec<f32>> {
-    faer::set_global_parallelism(Par::Seq);
-    let matrix = MatRef::from_row_major_slice(system, n, n);
-    let n_k = right.len() / n;
     let mut solution = right.to_vec();
-    let right = MatMut::from_column_major_slice_mut(&mut solution, n, n_k);
-    matrix.llt(Side::Lower).ok()?.solve_in_place(right);
+    let right = MatMut::from_column_major_slice_mut(&mut solution, n, right.len() / n);
+    // It takes no scratch memory.
+    solve_in_place(cholesky(system, n)?.as_ref(), right, Par::Seq, MemStack::new(&mut []));
     Some(solution)
+}
+
+/// L of `A = L Lᵀ` for a symmetric `[n][n]` matrix; `None` if it is not positive definite.
+fn cholesky(matrix: &[f32], n: usize) -> Option<Mat<f32>> {
+    let mut l = Mat::zeros(n, n);
+    l.copy_from_triangular_lower(MatRef::from_row_major_slice(matrix, n, n));
+    let mut memory = MemBuffer::new(factor::cholesky_in_place_scratch::<f32>(n, Par::Seq, Spec::default()));
+    let stack = MemStack::new(&mut memory);
+    factor::cholesky_in_place(l.as_mut(), Default::default(), Par::Seq, stack, Spec::default()).ok()?;
+    // What is above the diagonal was scratch memory.
+    (1..n).for_each(|column| l.col_mut(column).get_mut(..column).fill(0.0));
+    Some(l)
 }
 
 /// Field modes that some probes see best: B `[n_patches][n_modes]`, row-major, with `B Bᵀ` as near to K as n_modes allow in
@@ -45,16 +56,12 @@ pub(super) fn leading_modes(
     most: usize,
     least: f64,
 ) -> (Vec<f32>, usize) {
-    faer::set_global_parallelism(Par::Seq);
     let n = views.first().map_or(0, |view| view.len() / n_sh);
     let n_columns = views.len() * n_sh;
     if n == 0 {
         return (Vec::new(), 0);
     }
-    let Ok(factor) = MatRef::from_row_major_slice(covariance, n, n).llt(Side::Lower) else {
-        return (Vec::new(), 0);
-    };
-    let l = factor.L().to_owned();
+    let Some(l) = cholesky(covariance, n) else { return (Vec::new(), 0) };
     // Λᵀ, [n][n_columns].
     let mut seen = Mat::<f32>::zeros(n, n_columns);
     for (index, (view, weight)) in views.iter().zip(weights).enumerate() {
@@ -65,33 +72,23 @@ pub(super) fn leading_modes(
         }
     }
     let width = (most + OVERSAMPLING).min(n).min(n_columns);
-    let random = Mat::<f32>::from_fn(n_columns, width, |row, column| {
-        // Sums of two uniforms are near enough to normal for a sketch.
-        let counter = (row * width + column) as u64;
-        (counter_uniform(STREAM, counter, 0) + counter_uniform(STREAM, counter, 1) - 1.0) as f32
-    });
-    let mut q = orthonormal(&product(l.transpose(), product(seen.as_ref(), random.as_ref()).as_ref()));
+    let range =
+        |columns: Mat<f32>| orthonormal(product(l.transpose(), product(seen.as_ref(), columns.as_ref()).as_ref()));
+    let mut q = range(sketch(STREAM, n_columns, width));
     for _ in 0..POWER_ITERATIONS {
-        let back = product(seen.transpose(), product(l.as_ref(), q.as_ref()).as_ref());
-        q = orthonormal(&product(l.transpose(), product(seen.as_ref(), back.as_ref()).as_ref()));
+        q = range(product(seen.transpose(), product(l.as_ref(), q.as_ref()).as_ref()));
     }
     // Turned to the axes of what is seen.
     let modes = product(l.as_ref(), q.as_ref());
     let projected = product(seen.transpose(), modes.as_ref());
     let square = product(projected.transpose(), projected.as_ref());
     let wide = Mat::<f64>::from_fn(width, width, |i, j| f64::from(square[(i, j)]));
-    let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else {
-        return (Vec::new(), 0);
-    };
-    let total: f64 = (0..width).map(|mode| eigen.S()[mode].max(0.0)).sum();
+    let Some((variances, vectors)) = eigen(&wide) else { return (Vec::new(), 0) };
+    // The smallest first.
+    let total: f64 = variances.iter().rev().map(|variance| variance.max(0.0)).sum();
     let mean = total / n_columns.max(1) as f64;
-    // Eigenvalues rise; we want them falling.
-    let n_modes = (0..width.min(most)).take_while(|&mode| eigen.S()[width - 1 - mode] > least * mean).count();
-    let turn = Mat::<f32>::from_fn(width, n_modes, |row, column| eigen.U()[(row, width - 1 - column)] as f32);
+    let n_modes = variances.iter().take(most).take_while(|&&variance| variance > least * mean).count();
+    let turn = Mat::<f32>::from_fn(width, n_modes, |row, column| vectors[(row, column)] as f32);
     let turned = product(modes.as_ref(), turn.as_ref());
-    let mut values = Vec::with_capacity(n * n_modes);
-    for row in 0..n {
-        values.extend(turned.row(row).iter());
-    }
-    (values, n_modes)
+    (row_major(&turned), n_modes)
 }

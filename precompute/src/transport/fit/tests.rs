@@ -421,3 +421,16 @@ fn a_room_of_lamps_alone_keeps_the_papers_rows() {
     });
     assert_eq!(paper, fitted);
 }
+
+#[test]
+fn a_host_may_set_faer_as_it_likes() {
+    // From here on faer panics wherever it reads its global setting, in the other tests of this process too.
+    faer::disable_global_parallelism();
+    let (mut system, width) = (vec![0.0; 40 * 40], 40);
+    system.iter_mut().step_by(width + 1).for_each(|value| *value = 4.0);
+    let solved = solve::solve(&system, &vec![1.0; 2 * width], width).expect("positive definite");
+    assert_eq!(solved, vec![0.25; 2 * width]);
+    let (modes, n_modes) = solve::leading_modes(&system, &[system.clone()], &[1.0], width, 8, 0.0);
+    assert_eq!((modes.len(), n_modes), (8 * width, 8));
+    assert_eq!(crate::compress::svd::truncated_svd(&system, width, width, 8).rank, 8);
+}

@@ -11,9 +11,9 @@ mod why;
 
 pub use figures::{Figures, History};
 
-use crate::app::App;
+use crate::app::{App, CameraMode};
 use crate::state::Bounces;
-use crate::viewport::{CameraMode, KEYS};
+use crate::viewport::KEYS;
 use glam::Vec3;
 
 /// The whole panel.

@@ -49,7 +49,7 @@ pub struct TriangleHit {
 }
 
 /// Why a tree could not be built.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TreeError {
     /// The tree is too deep for its traversal stack; only geometry whose sizes span tens of orders of magnitude does it.
     #[error(
@@ -59,6 +59,13 @@ pub enum TreeError {
         /// Groups needed.
         depth: usize,
     },
+}
+
+impl TreeError {
+    /// What to do.
+    pub fn help(&self) -> &'static str {
+        "remove stray far-away or microscopic geometry"
+    }
 }
 
 /// A bounding volume hierarchy over triangles.
