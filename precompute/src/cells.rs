@@ -36,24 +36,14 @@ impl CellGrid {
         Self { edge_m, first, size: cell(high, 2.0 * MARGIN) - first + 1 }
     }
 
-    /// Edge of a cell, metres.
-    pub fn edge_m(&self) -> f32 {
-        self.edge_m
-    }
-
     /// Takes in which cells these are.
     pub fn digest(&self, digester: &mut Digester) {
         digester.one(self.edge_m).one(self.first).one(self.size);
     }
 
     /// Number of cells.
-    pub fn len(&self) -> usize {
+    pub fn n_cells(&self) -> usize {
         self.size.as_i64vec3().element_product() as usize
-    }
-
-    /// No grid is.
-    pub fn is_empty(&self) -> bool {
-        false
     }
 
     /// Lowest and highest corner of a cell, with a margin around it, metres.
@@ -78,24 +68,6 @@ impl CellGrid {
         let [x, y, z] = cell.to_array().map(|value| value as usize);
         let size = self.size.as_usizevec3();
         (z * size.y + y) * size.x + x
-    }
-
-    /// The cell of a number.
-    pub fn cell(&self, number: usize) -> IVec3 {
-        let size = self.size.as_usizevec3();
-        let (x, rest) = (number % size.x, number / size.x);
-        IVec3::new(x as i32, (rest % size.y) as i32, (rest / size.y) as i32)
-    }
-
-    /// Its place in the world, in cells: the same in every grid of this edge.
-    pub fn in_world(&self, number: usize) -> IVec3 {
-        self.first + self.cell(number)
-    }
-
-    /// The number of a cell given by its place in the world; `None` if it is not of this grid.
-    pub fn of_world(&self, place: IVec3) -> Option<usize> {
-        let cell = place - self.first;
-        (cell.cmpge(IVec3::ZERO).all() && cell.cmplt(self.size).all()).then(|| self.number(cell))
     }
 
     /// Walks along a ray of length `t`, which may be infinite, and visits the cells that it crosses (Amanatides and Woo 1987).
@@ -156,17 +128,7 @@ impl CellGrid {
 impl CellSet {
     /// None yet.
     pub fn new(grid: CellGrid) -> Self {
-        Self { grid, bits: vec![0; grid.len().div_ceil(64)] }
-    }
-
-    /// The grid.
-    pub fn grid(&self) -> &CellGrid {
-        &self.grid
-    }
-
-    /// Takes in a cell by its number.
-    pub fn insert(&mut self, number: usize) {
-        self.bits[number / 64] |= 1 << (number % 64);
+        Self { grid, bits: vec![0; grid.n_cells().div_ceil(64)] }
     }
 
     /// Takes in the cells that a ray of length `t` crosses; it may be infinite.
@@ -183,8 +145,8 @@ impl CellSet {
 
     /// From words; `None` if the grid has another number of cells.
     pub fn from_words(grid: CellGrid, bits: Vec<u64>) -> Option<Self> {
-        let is_within = bits.len() == grid.len().div_ceil(64)
-            && bits.last().is_none_or(|last| grid.len() % 64 == 0 || last >> (grid.len() % 64) == 0);
+        let is_within = bits.len() == grid.n_cells().div_ceil(64)
+            && bits.last().is_none_or(|last| grid.n_cells().is_multiple_of(64) || last >> (grid.n_cells() % 64) == 0);
         is_within.then_some(Self { grid, bits })
     }
 
@@ -218,15 +180,14 @@ mod tests {
     #[test]
     fn scenes_of_about_the_same_size_have_the_same_cells() {
         let (a, b) = (CellGrid::of((LOW, HIGH)), CellGrid::of((LOW - 0.7, HIGH)));
-        assert_eq!((a.edge_m(), b.edge_m()), (0.25, 0.25));
-        for number in (0..a.len()).step_by(17) {
-            assert_eq!(a.number(a.cell(number)), number);
-            assert_eq!(a.of_world(a.in_world(number)), Some(number));
-            let in_b = b.of_world(a.in_world(number)).expect("the larger grid holds it");
-            assert_eq!(a.bounds(a.cell(number)), b.bounds(b.cell(in_b)));
+        assert_eq!((a.edge_m, b.edge_m), (0.25, 0.25));
+        for i in 0..200 {
+            let place = LOW + Vec3::from([0, 1, 2].map(|axis| random(i, axis))) * (HIGH - LOW);
+            let [cell, in_b] = [a, b].map(|grid| grid.range(place, place).0);
+            assert_eq!((cell + a.first, a.bounds(cell)), (in_b + b.first, b.bounds(in_b)));
+            assert!(a.number(cell) < a.n_cells());
         }
-        assert_eq!(a.of_world(b.in_world(0)), None);
-        assert!(CellGrid::of((LOW, LOW)).len() <= 8);
+        assert!(CellGrid::of((LOW, LOW)).n_cells() <= 8);
     }
 
     #[test]
@@ -235,7 +196,7 @@ mod tests {
         for i in 0..2000 {
             let at = |first: u64| LOW + Vec3::from([0, 1, 2].map(|axis| random(i, first + axis))) * (HIGH - LOW);
             // Some along the axes, some along the planes between cells, some from outside.
-            let origin = if i % 5 == 0 { (at(0) / grid.edge_m()).round() * grid.edge_m() } else { at(0) };
+            let origin = if i % 5 == 0 { (at(0) / grid.edge_m).round() * grid.edge_m } else { at(0) };
             let origin = if i % 7 == 0 { origin - Vec3::Y * 30.0 } else { origin };
             let dir = if i % 3 == 0 { Vec3::AXES[i as usize % 3] } else { (at(3) - origin).normalize() };
             let t = if i % 2 == 0 { f32::INFINITY } else { 9.0 * random(i, 6) };

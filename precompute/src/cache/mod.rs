@@ -106,11 +106,6 @@ impl Cache {
         Some(record)
     }
 
-    /// Whether there is a record, whole or not.
-    pub fn has(&self, kind: &str, digest: &Digest) -> bool {
-        self.path(kind, digest).is_file()
-    }
-
     /// Keeps a record. What cannot be written is [noted](Cache::finish) at the end.
     pub fn put(&self, kind: &str, digest: &Digest, content: &[u8]) {
         if self.options.read_only {
@@ -268,7 +263,7 @@ mod tests {
         }
         cache.get("thing", &[9; 32]).expect("used");
         assert_eq!(cache.trim(5_000), 6_240);
-        let left: Vec<u8> = (0..10).filter(|&number| cache.has("thing", &[number; 32])).collect();
+        let left: Vec<u8> = (0..10).filter(|&number| cache.path("thing", &[number; 32]).is_file()).collect();
         assert_eq!(left, [0, 1, 2, 9]);
         assert_eq!(cache.trim(5_000), 0);
     }

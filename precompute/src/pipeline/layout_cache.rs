@@ -132,7 +132,7 @@ fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport)> {
     let n_meshes: u64 = record.one()?;
     let meshes = (0..n_meshes).map(|_| mesh(&mut record)).collect::<Option<Vec<_>>>()?;
     let light_map_set = (set != u64::MAX).then_some(set as usize);
-    record.is_done().then(|| (Scene { meshes, light_map_set, ..scene }, layout))
+    record.is_done().then_some((Scene { meshes, light_map_set, ..scene }, layout))
 }
 
 #[cfg(test)]

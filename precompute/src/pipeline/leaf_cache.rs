@@ -128,7 +128,7 @@ fn unpack_sets(record: &[u8], grid: CellGrid) -> Option<Vec<CellSet>> {
         let mut words = words.into_iter();
         let mut all = Vec::new();
         for [zeros, others] in runs {
-            if all.len() + zeros as usize + others as usize > grid.len() {
+            if all.len() + zeros as usize + others as usize > grid.n_cells() {
                 return None;
             }
             all.resize(all.len() + zeros as usize, 0);
@@ -289,8 +289,11 @@ mod tests {
         assert_eq!(cached(&scene, &settings, &open(&folder)).1.baked, 0);
     }
 
+    /// What is done to a scene, and its name.
+    type Edit = (&'static str, fn(&mut Scene));
+
     /// Each changes something in one of the rooms.
-    fn edits() -> Vec<(&'static str, fn(&mut Scene))> {
+    fn edits() -> [Edit; 4] {
         fn of_room(scene: &mut Scene) -> usize {
             // A mesh of the right one gets a material of its own.
             let mesh = scene.meshes.iter_mut().find(|mesh| mesh.name == "right floor").expect("a floor");
@@ -298,7 +301,7 @@ mod tests {
             mesh.material = scene.materials.len() - 1;
             scene.materials.len() - 1
         }
-        vec![
+        [
             ("albedo", |scene| {
                 let material = of_room(scene);
                 scene.materials[material].base_color = Vec4::new(0.5, 0.36, 0.3, 1.0);

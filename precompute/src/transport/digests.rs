@@ -124,7 +124,7 @@ impl CellContents {
         };
         let mut parts: Vec<(u32, u32, Digest)> = faces.par_iter().enumerate().flat_map_iter(of_face).collect();
         parts.par_sort_unstable_by_key(|&(cell, face, _)| (cell, face));
-        let mut contents = vec![[0; 16]; grid.len()];
+        let mut contents = vec![[0; 16]; grid.n_cells()];
         for of_cell in parts.chunk_by(|a, b| a.0 == b.0) {
             let mut digester = Digester::new("cell");
             of_cell.iter().for_each(|(_, _, digest)| {
@@ -147,11 +147,6 @@ impl CellContents {
             digester.one(cell as u64).one(self.contents[cell]);
         });
         digester.finish()
-    }
-
-    /// Of one cell.
-    pub fn of_cell(&self, cell: usize) -> [u8; 16] {
-        self.contents[cell]
     }
 }
 

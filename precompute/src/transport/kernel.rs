@@ -146,11 +146,9 @@ pub(super) fn receiver_rows(
     }
     if let Some(openings) = &openings {
         for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
-            if openings.may_show(dir) {
-                if workspace.traced.escapes(caster, origin, dir) {
-                    gather.weights(dir, &receiver_basis, &mut workspace.weights);
-                    workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
-                }
+            if openings.may_show(dir) && workspace.traced.escapes(caster, origin, dir) {
+                gather.weights(dir, &receiver_basis, &mut workspace.weights);
+                workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
             }
         }
     }

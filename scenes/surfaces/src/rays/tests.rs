@@ -211,3 +211,31 @@ fn an_empty_scene_stops_no_ray() {
     assert!(caster.closest_hit(Vec3::ZERO, Vec3::X).is_none());
     assert!(caster.visible(Vec3::ZERO, Vec3::ONE));
 }
+
+#[test]
+fn of_equally_near_triangles_the_first_is_met_whatever_else_there_is() {
+    // Squares of two triangles in one plane, each with a copy of another split; and some that only change the tree.
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
+    let stacked = |others: u32| {
+        let mut positions = corners.to_vec();
+        let mut triangles = vec![[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]];
+        for other in 0..others {
+            let place = Vec3::new(2.0 + other as f32, counter_uniform(9, other.into(), 0) as f32, -0.5);
+            triangles.push([0, 1, 2].map(|corner| positions.len() as u32 + corner));
+            positions.extend([place, place + Vec3::X, place + Vec3::Y]);
+        }
+        scene_of(positions, triangles, Material { double_sided: true, ..Material::default() })
+    };
+    for others in [0, 1, 5, 40] {
+        let scene = stacked(others);
+        let caster = RayCaster::new(&scene).expect("tree");
+        for i in 0..500 {
+            let [x, y] = [0, 1].map(|axis| 0.02 + 0.96 * counter_uniform(8, i, axis) as f32);
+            if (x - y).abs() < 0.01 {
+                continue;
+            }
+            let hit = caster.closest_hit(Vec3::new(x, y, 1.0), -Vec3::Z).expect("a hit").point.expect("a face");
+            assert_eq!(hit.triangle, usize::from(y > x), "{x} {y} among {others}");
+        }
+    }
+}
