@@ -144,6 +144,9 @@ pub struct CacheFlags {
     /// Bytes that may be kept; those used longest ago go first
     #[arg(long, value_name = "BYTES", default_value_t = CacheOptions::default().limit_bytes, conflicts_with = "no_cache")]
     pub cache_limit: u64,
+    /// Say of each leaf that is made why it was not in the cache
+    #[arg(long, conflicts_with = "no_cache")]
+    pub explain: bool,
 }
 
 /// `precompute cache`

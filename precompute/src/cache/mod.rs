@@ -43,11 +43,13 @@ pub struct CacheOptions {
     pub read_only: bool,
     /// Bytes that records may have in all when a bake ends; those used longest ago go first.
     pub limit_bytes: u64,
+    /// A bake says of each leaf that it makes why it is not there.
+    pub explain: bool,
 }
 
 impl Default for CacheOptions {
     fn default() -> Self {
-        Self { read_only: false, limit_bytes: 16 << 30 }
+        Self { read_only: false, limit_bytes: 16 << 30, explain: false }
     }
 }
 
@@ -77,10 +79,18 @@ impl Cache {
         let cache = Self { folder: folder.to_owned(), options, written: AtomicU64::new(0), failed: AtomicU64::new(0) };
         if !options.read_only {
             fs::create_dir_all(folder).map_err(|cause| OutputError::write(folder, cause))?;
-            // Written each time: a folder that takes no file is known before any work is done.
-            write_file(&folder.join(TAG), TAG_TEXT.as_bytes())?;
+            let tag = folder.join(TAG);
+            // Once: a folder on a full disk may still be read.
+            if !tag.exists() {
+                write_file(&tag, TAG_TEXT.as_bytes())?;
+            }
         }
         Ok(cache)
+    }
+
+    /// What it may do.
+    pub fn options(&self) -> CacheOptions {
+        self.options
     }
 
     /// The folder.

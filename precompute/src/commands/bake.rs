@@ -1,7 +1,7 @@
 //! `precompute bake`: a scene in, a baked file and a report out.
 
 use super::{cache, check_output, grouped, print_data, size, write_text};
-use crate::cli::Bake;
+use crate::cli::{Bake, CacheFlags};
 use localprt_precompute::cache::Cache;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
 use localprt_precompute::inputs;
@@ -10,6 +10,7 @@ use localprt_precompute::pipeline::{self, KeptBake, Written};
 use localprt_precompute::progress::Progress;
 use localprt_precompute::report::BakeReport;
 use localprt_precompute::settings::BakeSettings;
+use localprt_scenes::Scene;
 use std::path::{Path, PathBuf};
 
 /// Runs the subcommand.
@@ -21,12 +22,7 @@ pub fn run(command: &Bake, progress: &Progress) -> Result<(), CommandError> {
     // Both are required by the command line.
     let (Some(source), Some(output)) = (&command.scene, &command.output) else { return Ok(()) };
     check_output(command.report.as_deref())?;
-    let cache = cache::of_bake(&command.cache, output, progress)?;
-    let report = bake(source, output, &settings, cache.as_ref(), progress);
-    if let Some(cache) = &cache {
-        cache.finish(progress);
-    }
-    let report = report?;
+    let report = bake(source, output, &settings, Some(&command.cache), progress)?;
     if let Some(path) = &command.report {
         write_text(path, &report.to_json())?;
     }
@@ -47,7 +43,7 @@ pub fn bake(
     source: &str,
     output: &Path,
     settings: &BakeSettings,
-    cache: Option<&Cache>,
+    cache: Option<&CacheFlags>,
     progress: &Progress,
 ) -> Result<BakeReport, CommandError> {
     inputs::check_scene(source)?;
@@ -57,8 +53,27 @@ pub fn bake(
     let scene = inputs::scene(source)?;
     drop(stage);
     warn_of_dropped(&scene, progress);
+    // Only now: a command that is refused leaves no folder behind.
+    let cache = match cache {
+        Some(flags) => cache::of_bake(flags, output, progress)?,
+        None => None,
+    };
+    let report = bake_scene(scene, source, [output, &scene_output], settings, cache.as_ref(), progress);
+    if let Some(cache) = &cache {
+        cache.finish(progress);
+    }
+    report
+}
 
-    let kept = cache.map(|cache| KeptBake::of(cache, &scene, settings, output, &scene_output, source));
+fn bake_scene(
+    scene: Scene,
+    source: &str,
+    [output, scene_output]: [&Path; 2],
+    settings: &BakeSettings,
+    cache: Option<&Cache>,
+    progress: &Progress,
+) -> Result<BakeReport, CommandError> {
+    let kept = cache.map(|cache| KeptBake::of(cache, &scene, settings, output, scene_output, source));
     if let Some(mut report) = kept.as_ref().and_then(KeptBake::find) {
         report.warnings.iter().for_each(|warning| progress.warn(warning));
         report.measure_run(progress);
@@ -74,7 +89,7 @@ pub fn bake(
         if about_scene { error.in_file(Path::new(source)) } else { error }
     })?;
     let source = (!source.starts_with(inputs::BUILTIN)).then(|| Path::new(source));
-    let written = baked.write(output, &scene_output, source, progress)?;
+    let written = baked.write(output, scene_output, source, progress)?;
     if let Some(kept) = &kept {
         kept.keep(&written);
     }
@@ -134,7 +149,7 @@ fn scene_output(source: &str, output: &Path) -> Result<PathBuf, CommandError> {
     Ok(path)
 }
 
-fn warn_of_dropped(scene: &localprt_scenes::Scene, progress: &Progress) {
+fn warn_of_dropped(scene: &Scene, progress: &Progress) {
     let dropped = scene.dropped;
     if dropped.degenerate + dropped.duplicate > 0 {
         progress.detail(&format!(

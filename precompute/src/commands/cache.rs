@@ -61,7 +61,7 @@ pub fn of_bake(flags: &CacheFlags, output: &Path, progress: &Progress) -> Result
     if flags.no_cache {
         return Ok(None);
     }
-    let options = CacheOptions { read_only: flags.cache_read, limit_bytes: flags.cache_limit };
+    let options = CacheOptions { read_only: flags.cache_read, limit_bytes: flags.cache_limit, explain: flags.explain };
     match &flags.cache {
         Some(place) => Cache::open(place, options).map(Some),
         None => match Cache::open(&output.with_file_name(FOLDER), options) {

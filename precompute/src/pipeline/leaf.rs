@@ -1,6 +1,9 @@
 //! Local transport: one leaf of receivers at a time to a finished block; no type holds the rows of more.
 
-use super::{leaf_cache::LeafCache, near_tiles::near_tiles};
+use super::{
+    leaf_cache::{LeafCache, Why},
+    near_tiles::near_tiles,
+};
 use crate::{
     cache::Cache,
     cells::CellGrid,
@@ -10,6 +13,7 @@ use crate::{
     report::CacheUse,
     transport::{Links, RayCounts, TransportScene},
 };
+use glam::Vec3;
 use localprt_formats::{ClusterRecord, TransportBlock};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -38,6 +42,7 @@ pub(super) fn local_transport(
     cache: Option<&Cache>,
     progress: &Progress,
 ) -> Result<(Vec<LeafTransport>, CacheUse), BakeError> {
+    let explains = cache.is_some_and(|cache| cache.options().explain);
     let cells = cache.map(|_| CellGrid::of(transport.caster.scene().bounds().unwrap_or_default()));
     let transport = &TransportScene { cells, ..*transport };
     let cache = {
@@ -52,10 +57,14 @@ pub(super) fn local_transport(
         .map(|members| {
             progress.check()?;
             let key = cache.as_ref().map(|cache| (cache, cache.key(transport, members)));
-            if let Some(leaf) = key.as_ref().and_then(|(cache, key)| cache.find(key, members)) {
-                reused.fetch_add(1, Relaxed);
-                stage.inc(members.len() as u64);
-                return Ok(leaf);
+            match key.as_ref().map(|(cache, key)| cache.find(key, members)) {
+                Some(Ok(leaf)) => {
+                    reused.fetch_add(1, Relaxed);
+                    stage.inc(members.len() as u64);
+                    return Ok(leaf);
+                }
+                Some(Err(why)) if explains => progress.note(&explanation(members, positions, why)),
+                _ => {}
             }
             let mut rows = transport.rows(&transport.leaf(members), members);
             let (rays, links, crossed) = (rows.rays, std::mem::take(&mut rows.links), rows.crossed.take());
@@ -78,6 +87,13 @@ pub(super) fn local_transport(
     let (made, reused) = (made?, reused.into_inner());
     let use_of_cache = CacheUse { reused, baked: made.len() as u64 - reused };
     Ok((made, use_of_cache))
+}
+
+/// Which leaf is made, and why.
+fn explanation(members: &[u32], positions: &[Vec3], why: Why) -> String {
+    let sum: Vec3 = members.iter().map(|&member| positions[member as usize]).sum();
+    let [x, y, z] = (sum / members.len() as f32).to_array();
+    format!("making a leaf of {} receivers about {x:.2}, {y:.2}, {z:.2}: {}", members.len(), why.text())
 }
 
 impl LeafTransport {

@@ -38,6 +38,25 @@ pub(super) struct LeafKey {
     probes: Vec<u32>,
 }
 
+/// Why a leaf has to be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Why {
+    /// It was never made with this key.
+    Key,
+    /// It was, but not with what stands where its rays go, or its record is gone.
+    Surroundings,
+}
+
+impl Why {
+    /// In words.
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Self::Key => "its receivers, its probes or what they see, options or code are new",
+            Self::Surroundings => "what stands where its rays go is new, or its record is gone",
+        }
+    }
+}
+
 impl<'a> LeafCache<'a> {
     /// Of a stage whose rays note the cells that they cross.
     pub(super) fn of(cache: &'a Cache, transport: &TransportScene<'_>, refining: &RefineSettings) -> Option<Self> {
@@ -57,11 +76,14 @@ impl<'a> LeafCache<'a> {
         LeafKey { digest: digester.finish(), probes: transport.union_of_support(members) }
     }
 
-    /// The leaf as it was kept, if nothing that it depends on is new.
-    pub(super) fn find(&self, key: &LeafKey, members: &[u32]) -> Option<LeafTransport> {
+    /// The leaf as it was kept, if nothing that it depends on is new; else why it has to be made.
+    pub(super) fn find(&self, key: &LeafKey, members: &[u32]) -> Result<LeafTransport, Why> {
         let sets = self.cells(key);
-        let record = sets.iter().find_map(|set| self.cache.get(LEAF, &self.of_leaf(key, set)))?;
-        unpack(&record, members, &key.probes)
+        if sets.is_empty() {
+            return Err(Why::Key);
+        }
+        let record = sets.iter().find_map(|set| self.cache.get(LEAF, &self.of_leaf(key, set)));
+        record.and_then(|record| unpack(&record, members, &key.probes)).ok_or(Why::Surroundings)
     }
 
     /// Keeps a leaf and the cells that its rays crossed.

@@ -163,7 +163,8 @@ pub(super) fn receiver_rows(
             if density <= 0.0 || !start.is_above(dir) {
                 continue;
             }
-            workspace.traced.gather(start.origin, way, 1.0);
+            // It may meet the triangle beside the sample, a little beyond.
+            workspace.traced.gather(start.origin, way, 1.001);
             let Some((hit, brings)) = fit.meet_emitter(caster, start.origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
             workspace.rays.push(Ray {
