@@ -9,7 +9,7 @@ use std::{
 };
 
 /// Beside this crate; a crate that is not built from this repository finds none but its own.
-const SOURCES: [&str; 7] = [
+const SOURCES: [&str; 12] = [
     "src",
     "Cargo.toml",
     "../formats/src",
@@ -17,12 +17,18 @@ const SOURCES: [&str; 7] = [
     "../scenes/surfaces/src",
     "../scenes/tools/src",
     "../Cargo.lock",
+    "../Cargo.toml",
+    "../formats/Cargo.toml",
+    "../scenes/Cargo.toml",
+    "../scenes/surfaces/Cargo.toml",
+    "../scenes/tools/Cargo.toml",
 ];
 
 fn main() {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
     let mut code = DefaultHasher::new();
     env!("CARGO_PKG_VERSION").hash(&mut code);
+    env::var_os("TARGET").hash(&mut code);
     for source in SOURCES.map(|source| root.join(source)) {
         println!("cargo::rerun-if-changed={}", source.display());
         take_in(&source, &mut code);

@@ -5,13 +5,19 @@ use glam::Vec3;
 use localprt_scenes::{AlphaMode, Material, Mesh, Scene, TextureRef, Wrap};
 use rayon::prelude::*;
 
-/// Of all that a bake reads of a scene: not its lights, nor names, nor what its materials look like beyond what rays read.
+/// Of all that a bake reads of a scene, and of what it hands on with its meshes: not its lights, nor what its materials look like
+/// beyond what rays read.
 pub fn digest_of_scene(scene: &Scene) -> Digest {
     let materials = digests_of_materials(scene);
     let of_mesh = |mesh: &Mesh| {
         let mut digester = Digester::new("mesh");
-        let Mesh { positions, normals, uv_sets, colors, triangles, lightmap, .. } = mesh;
-        digester.one(materials[mesh.material]).all(positions).all(normals).one(uv_sets.len() as u64);
+        let Mesh { name, source, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } = mesh;
+        digester.all(name.as_bytes()).all(source.as_bytes()).one(*material as u64);
+        digester
+            .all(&tangents.iter().map(|tangent| tangent.to_array()).collect::<Vec<_>>())
+            .all(positions)
+            .all(normals)
+            .one(uv_sets.len() as u64);
         uv_sets.iter().for_each(|set| {
             digester.all(set);
         });
@@ -20,7 +26,7 @@ pub fn digest_of_scene(scene: &Scene) -> Digest {
     };
     let mut digester = Digester::new("scene");
     let set = scene.light_map_set.map_or(u64::MAX, |set| set as u64);
-    digester.one(set).all(&scene.meshes.par_iter().map(of_mesh).collect::<Vec<_>>());
+    digester.one(set).all(&materials).all(&scene.meshes.par_iter().map(of_mesh).collect::<Vec<_>>());
     for camera in &scene.cameras {
         digester.one(camera.to_world.to_cols_array());
     }
@@ -35,7 +41,7 @@ pub fn digests_of_materials(scene: &Scene) -> Vec<Digest> {
         .map(|image| Digester::new("image").one([image.width, image.height]).all(&image.rgba).finish())
         .collect();
     let texture = |reference: &Option<TextureRef>, digester: &mut Digester| {
-        let Some(TextureRef { texture, transform, .. }) = reference else {
+        let Some(TextureRef { texture, uv_set, transform }) = reference else {
             digester.one(0u8);
             return;
         };
@@ -43,6 +49,7 @@ pub fn digests_of_materials(scene: &Scene) -> Vec<Digest> {
         let wrap = |wrap: Wrap| wrap as u8;
         digester
             .one(1u8)
+            .one(*uv_set as u64)
             .one(images[texture.image])
             .one([wrap(texture.wrap_u), wrap(texture.wrap_v), u8::from(texture.nearest)])
             .one(transform.to_cols_array());

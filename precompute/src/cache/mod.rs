@@ -9,7 +9,7 @@ mod pack;
 pub use pack::{Packer, Unpacker};
 
 use crate::{
-    digest::Digest,
+    digest::{Digest, Digester},
     output::{OutputError, write_file},
     progress::Progress,
 };
@@ -66,6 +66,8 @@ pub struct CacheFacts {
 
 struct RecordFile {
     path: PathBuf,
+    kind: String,
+    digest: Digest,
     bytes: u64,
     used: SystemTime,
 }
@@ -93,6 +95,11 @@ impl Cache {
         self.options
     }
 
+    /// Whether a folder is one that a cache was opened in.
+    pub fn is_one(folder: &Path) -> bool {
+        fs::read_to_string(folder.join(TAG)).is_ok_and(|text| text == TAG_TEXT)
+    }
+
     /// The folder.
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -102,7 +109,7 @@ impl Cache {
     pub fn get(&self, kind: &str, digest: &Digest) -> Option<Vec<u8>> {
         let path = self.path(kind, digest);
         let mut record = fs::read(&path).ok()?;
-        if !is_whole(&record) {
+        if !is_whole(&record, kind, digest) {
             if !self.options.read_only {
                 fs::remove_file(&path).ok();
             }
@@ -121,7 +128,7 @@ impl Cache {
         if self.options.read_only {
             return;
         }
-        let record = [&MAGIC[..], blake3::hash(content).as_bytes(), content].concat();
+        let record = [&MAGIC[..], &checksum(kind, digest, content), content].concat();
         match self.write(&self.path(kind, digest), &record) {
             Ok(()) => self.written.fetch_add(record.len() as u64, Relaxed),
             Err(_) => self.failed.fetch_add(1, Relaxed),
@@ -148,7 +155,7 @@ impl Cache {
                 self.written.load(Relaxed)
             ));
         }
-        if !self.options.read_only && self.written.load(Relaxed) > 0 {
+        if !self.options.read_only {
             self.trim(self.options.limit_bytes);
         }
     }
@@ -186,7 +193,7 @@ impl Cache {
             facts.bytes += record.bytes;
             // One that is gone was trimmed by somebody else.
             let Ok(content) = fs::read(&record.path) else { continue };
-            if !is_whole(&content) {
+            if !is_whole(&content, &record.kind, &record.digest) {
                 facts.damaged += 1;
                 if !self.options.read_only {
                     fs::remove_file(&record.path).ok();
@@ -202,11 +209,24 @@ impl Cache {
         files
             .flatten()
             .filter_map(|entry| {
+                let path = entry.path();
+                // Whatever else lies there is not ours.
+                let (kind, digest) = self.name_of(&path)?;
                 let data = entry.metadata().ok().filter(fs::Metadata::is_file)?;
                 let used = data.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-                Some(RecordFile { path: entry.path(), bytes: data.len(), used })
+                Some(RecordFile { path, kind, digest, bytes: data.len(), used })
             })
             .collect()
+    }
+
+    /// Kind and digest of a record by its path; `None` of any other file.
+    fn name_of(&self, path: &Path) -> Option<(String, Digest)> {
+        let kind = path.extension()?.to_str()?.to_owned();
+        let name = path.parent()?.file_name()?.to_str()?.to_owned() + path.file_stem()?.to_str()?;
+        let digits = name.as_bytes().as_chunks::<2>().0;
+        let bytes = digits.iter().map(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
+        let digest: Digest = bytes.collect::<Option<Vec<u8>>>()?.try_into().ok()?;
+        (self.path(&kind, &digest) == path).then_some((kind, digest))
     }
 
     fn path(&self, kind: &str, digest: &Digest) -> PathBuf {
@@ -215,10 +235,14 @@ impl Cache {
     }
 }
 
-/// A record with its checksum.
-fn is_whole(record: &[u8]) -> bool {
+/// A record of that kind and digest, with its checksum.
+fn is_whole(record: &[u8], kind: &str, digest: &Digest) -> bool {
     let Some(rest) = record.strip_prefix(&MAGIC) else { return false };
-    rest.split_first_chunk().is_some_and(|(checksum, content)| blake3::hash(content) == *checksum)
+    rest.split_first_chunk().is_some_and(|(stated, content)| checksum(kind, digest, content) == *stated)
+}
+
+fn checksum(kind: &str, digest: &Digest, content: &[u8]) -> Digest {
+    Digester::new(kind).one(*digest).all(content).finish()
 }
 
 #[cfg(test)]
@@ -243,7 +267,8 @@ mod tests {
         assert_eq!(cache.get("thing", &[77; 32]), None);
         let path = cache.path("thing", &[3; 32]);
         let whole = fs::read(&path).expect("there");
-        assert!(is_whole(&whole));
+        assert!(is_whole(&whole, "thing", &[3; 32]));
+        assert!(!is_whole(&whole, "other", &[3; 32]) && !is_whole(&whole, "thing", &[4; 32]));
         for length in [0, 5, 8, 39, 40, 500, whole.len() - 1] {
             fs::write(&path, &whole[..length]).expect("written");
             assert_eq!(cache.get("thing", &[3; 32]), None, "{length} bytes of it");
@@ -276,6 +301,15 @@ mod tests {
         let left: Vec<u8> = (0..10).filter(|&number| cache.path("thing", &[number; 32]).is_file()).collect();
         assert_eq!(left, [0, 1, 2, 9]);
         assert_eq!(cache.trim(5_000), 0);
+        // Files of others stay, whatever they are called.
+        let theirs = ["ab/notes.txt", "00/.new123", "src/main.rs", "00/00.leaf"].map(|name| cache.folder().join(name));
+        for path in &theirs {
+            fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            fs::write(path, "theirs").expect("written");
+        }
+        assert_eq!(cache.verify().damaged, 0);
+        cache.trim(0);
+        assert!(cache.facts().records == 0 && theirs.iter().all(|path| path.exists()));
     }
 
     #[test]

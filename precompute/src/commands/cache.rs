@@ -25,8 +25,8 @@ struct Facts {
 /// Runs the subcommand.
 pub fn run(command: &CacheCommand) -> Result<(), CommandError> {
     let place = &command.place;
-    if !place.is_dir() {
-        let what = "there is no such folder";
+    if !Cache::is_one(place) {
+        let what = "there is no cache";
         return Err(CommandError::new(Exit::Io, what)
             .in_file(place)
             .help("name the folder that bakes keep results in"));

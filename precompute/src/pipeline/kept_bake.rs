@@ -55,6 +55,11 @@ impl<'a> KeptBake<'a> {
 
     /// Keeps what was written.
     pub fn keep(&self, written: &Written) {
+        // Another bake into the same file may have been faster.
+        let is_own = |baked: localprt_formats::Baked| baked.view().metadata.options == written.report.options.to_toml();
+        if !localprt_formats::Baked::open(self.output).is_ok_and(is_own) {
+            return;
+        }
         let files = [Some(self.output), Some(self.scene).filter(|_| written.is_scene_new)].into_iter().flatten();
         let Some(files) = files.map(digest_of_file).collect::<Option<Vec<Digest>>>() else { return };
         let mut packer = Packer::default();

@@ -125,12 +125,18 @@ fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport)> {
         })
     };
     let double_sided: Vec<u8> = record.take()?;
+    if double_sided.len() != scene.materials.len() {
+        return None;
+    }
     let mut scene = Scene { meshes: Vec::new(), ..scene.clone() };
     for (material, double_sided) in scene.materials.iter_mut().zip(double_sided) {
         material.double_sided = double_sided != 0;
     }
     let n_meshes: u64 = record.one()?;
     let meshes = (0..n_meshes).map(|_| mesh(&mut record)).collect::<Option<Vec<_>>>()?;
+    if meshes.iter().any(|mesh| mesh.material >= scene.materials.len()) {
+        return None;
+    }
     let light_map_set = (set != u64::MAX).then_some(set as usize);
     record.is_done().then_some((Scene { meshes, light_map_set, ..scene }, layout))
 }
@@ -170,6 +176,10 @@ mod tests {
         let mut moved = scene.clone();
         moved.meshes[0].positions[0].x += 1e-3;
         assert!(!is_known(&moved, &settings));
+        let mut other = scene.clone();
+        other.materials.push(other.materials[0].clone());
+        other.meshes[0].material = other.materials.len() - 1;
+        assert!(!is_known(&other, &settings), "materials go by their numbers");
         let mut named = scene.clone();
         named.materials[0].name = "another".into();
         assert!(is_known(&named, &settings));

@@ -108,10 +108,12 @@ impl<'a> LeafCache<'a> {
     }
 }
 
-/// Takes in the code that makes results, and what of the processor they depend on: matrices are multiplied with the widest
-/// instructions there are, which round in other places.
+/// Takes in the code that makes results, and what of the machine they depend on: systems have other logarithms, and matrices are
+/// multiplied with the widest instructions there are, which round in other places.
 pub(super) fn code(digester: &mut Digester) {
-    digester.all(env!("LOCALPRT_CODE").as_bytes()).all(std::env::consts::ARCH.as_bytes());
+    for name in [env!("LOCALPRT_CODE"), std::env::consts::ARCH, std::env::consts::OS] {
+        digester.all(name.as_bytes());
+    }
     #[cfg(target_arch = "x86_64")]
     digester.one([
         u8::from(std::arch::is_x86_feature_detected!("avx2")),
@@ -351,9 +353,11 @@ mod tests {
         for (name, edit) in edits() {
             let mut edited = scene.clone();
             edit(&mut edited);
-            let expected = clean(&edited, &settings);
-            let (found, leaves) = cached(&edited, &settings, &open(&folder));
-            assert!(found == expected, "{name}");
+            let expected = bake(edited.clone(), &settings, &Progress::silent()).expect("bakes");
+            let found = bake_with(edited.clone(), &settings, Some(&open(&folder)), &Progress::silent()).expect("bakes");
+            assert!(found.arrays == expected.arrays, "{name}");
+            assert_eq!(format!("{:?}", found.scene), format!("{:?}", expected.scene), "{name}");
+            let leaves = found.report.cache.expect("a cache is used");
             let is_seen = matches!(name, "albedo" | "mask");
             assert_eq!(leaves.baked > 0, is_seen, "{name}: {leaves:?}");
             assert!(leaves.reused > all / 4, "{name}: {leaves:?}: the other room is as it was");

@@ -70,6 +70,7 @@ impl TransportScene<'_> {
             }
             match self.receivers.sites(member as usize) {
                 Sites::Surface(points) => {
+                    digester.one(points.len() as u64);
                     for point in points {
                         digester.one(point.position).one(point.normal).one(point.geometric_normal);
                     }

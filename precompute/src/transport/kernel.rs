@@ -8,7 +8,10 @@ use super::{
     openings::Openings,
     traced::Traced,
 };
-use crate::rays::{FacePoint, OccluderHint, SurfaceHit};
+use crate::{
+    emitters::SAME_POINT,
+    rays::{FacePoint, OccluderHint, SurfaceHit},
+};
 use glam::Vec3;
 use localprt_formats::{
     sh::{self, Directions, LANES},
@@ -164,7 +167,8 @@ pub(super) fn receiver_rows(
                 continue;
             }
             // It may meet the triangle beside the sample, a little beyond.
-            workspace.traced.gather(start.origin, way, 1.001);
+            let beyond = SAME_POINT * caster.offset_m() / way.length().max(caster.offset_m());
+            workspace.traced.gather(start.origin, way, 1.001 + beyond);
             let Some((hit, brings)) = fit.meet_emitter(caster, start.origin, dir, sample, density) else { continue };
             let Some(point) = hit.point else { continue };
             workspace.rays.push(Ray {

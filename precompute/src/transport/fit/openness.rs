@@ -79,6 +79,7 @@ impl Openness {
     /// Takes in all that [`Openness::surface`] may read of a part of a face, but for its material: a convex part, given by the
     /// barycentrics of its corners.
     pub(super) fn digest(&self, face: FaceId, part: &[Vec3], digester: &mut Digester) {
+        digester.one(self.size);
         if self.size == 0 {
             return;
         }
