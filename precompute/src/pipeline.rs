@@ -55,7 +55,8 @@ pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Resul
     bake_with(scene, settings, None, progress)
 }
 
-/// The same with leaves that a cache holds taken from there, and the others kept in it: the output is the same.
+/// The same with the layout and the leaves that a cache holds taken from there, and others kept in it: the output is the same, but
+/// for the use of the cache in the report.
 ///
 /// # Errors
 /// See [`bake`].

@@ -105,7 +105,7 @@ fn a_bake_is_up_to_date_until_something_changes() {
         serde_json::from_slice(&done(command(folder, &arguments)).stdout).expect("JSON")
     };
     let whole = facts(&["--verify"]);
-    // A record of cells and two of leaves, but for some that are alike; a layout; bakes.
+    // By two thresholds: cells and a leaf of each key; and the layout, and the bakes.
     assert!(whole["records"].as_u64() > Some(2 * all) && whole["damaged"] == 0, "{whole}");
     let left = facts(&["--trim", "100000"]);
     assert!(left["bytes"].as_u64() <= Some(100_000) && left["trimmed_bytes"].as_u64() > Some(0), "{left}");

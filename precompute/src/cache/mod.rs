@@ -1,8 +1,8 @@
 //! Results by the digest of their inputs, in a folder that any number of bakes may share.
 //!
-//! A record is written beside its place and renamed into it, so that it appears whole or not at all; whoever writes the same
-//! record at the same time writes the same bytes. It carries its own checksum: a record that does not match it counts as absent,
-//! and is made anew. What cannot be written is not kept, and that is all: a cache never fails a bake.
+//! In and out: bytes ([`Packer`], [`Unpacker`]) under a kind and a [`Digest`]. A record is written beside its place and renamed into it,
+//! so that it appears whole or not at all; of two writers the last one wins. It carries its own checksum: a record that does not
+//! match it counts as absent, and is made anew. What cannot be written is not kept, and that is all: a cache never fails a bake.
 
 mod pack;
 
@@ -18,7 +18,7 @@ use std::{
     fs, io,
     path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering::Relaxed},
-    time::SystemTime,
+    time::{Duration, SystemTime},
 };
 
 /// First bytes of a record; the last one is the version of this layout.
@@ -26,6 +26,11 @@ const MAGIC: [u8; 8] = *b"lprtrec\x01";
 /// Marks the folder as one that backups may leave out (bford.info/cachedir).
 const TAG: &str = "CACHEDIR.TAG";
 const TAG_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Results of precompute that it can make again.\n";
+
+/// How names of records begin that are being written.
+const UNFINISHED: &str = ".lprtrec-";
+/// Whoever wrote one of these that is older has been killed.
+const LONGEST_WRITE: Duration = Duration::from_secs(3600);
 
 /// A folder of results.
 pub struct Cache {
@@ -60,8 +65,6 @@ pub struct CacheFacts {
     pub records: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Records that do not match their checksum, where they were looked at.
-    pub damaged: u64,
 }
 
 struct RecordFile {
@@ -100,11 +103,6 @@ impl Cache {
         fs::read_to_string(folder.join(TAG)).is_ok_and(|text| text == TAG_TEXT)
     }
 
-    /// The folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Content of a record; `None` if there is none that is whole.
     pub fn get(&self, kind: &str, digest: &Digest) -> Option<Vec<u8>> {
         let path = self.path(kind, digest);
@@ -138,7 +136,7 @@ impl Cache {
     fn write(&self, path: &Path, record: &[u8]) -> io::Result<()> {
         let folder = path.parent().unwrap_or(&self.folder);
         fs::create_dir_all(folder)?;
-        let mut file = tempfile::Builder::new().prefix(".new").tempfile_in(folder)?;
+        let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
         io::Write::write_all(&mut file, record)?;
         // Not synced: after a loss of power a record may be cut off, which its checksum tells.
         file.persist(path).map(drop).map_err(|error| error.error)
@@ -163,6 +161,7 @@ impl Cache {
     /// Removes records until they have no more bytes than these in all: those used longest ago first. Returns how many bytes
     /// went.
     pub fn trim(&self, most_bytes: u64) -> u64 {
+        self.sweep();
         let mut records = self.records();
         let mut left: u64 = records.iter().map(|record| record.bytes).sum();
         let before = left;
@@ -182,41 +181,52 @@ impl Cache {
     pub fn facts(&self) -> CacheFacts {
         let records = self.records();
         let bytes = records.iter().map(|record| record.bytes).sum();
-        CacheFacts { records: records.len() as u64, bytes, damaged: 0 }
+        CacheFacts { records: records.len() as u64, bytes }
     }
 
-    /// The same after every record was held against its checksum. Damaged ones are removed.
-    pub fn verify(&self) -> CacheFacts {
-        let mut facts = CacheFacts::default();
-        for record in self.records() {
-            facts.records += 1;
-            facts.bytes += record.bytes;
+    /// Holds every record against its checksum and removes those that do not match it, unless the cache is only read. Returns how
+    /// many these were.
+    pub fn verify(&self) -> u64 {
+        let is_damaged = |record: &&RecordFile| {
             // One that is gone was trimmed by somebody else.
-            let Ok(content) = fs::read(&record.path) else { continue };
-            if !is_whole(&content, &record.kind, &record.digest) {
-                facts.damaged += 1;
-                if !self.options.read_only {
-                    fs::remove_file(&record.path).ok();
-                }
-            }
+            fs::read(&record.path).is_ok_and(|content| !is_whole(&content, &record.kind, &record.digest))
+        };
+        let damaged: Vec<RecordFile> = self.records().into_iter().filter(|record| is_damaged(&record)).collect();
+        if !self.options.read_only {
+            damaged.iter().for_each(|record| drop(fs::remove_file(&record.path)));
         }
-        facts
+        damaged.len() as u64
     }
 
     fn records(&self) -> Vec<RecordFile> {
-        let folders = fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
-        let files = folders.filter(|path| path.is_dir()).flat_map(|folder| fs::read_dir(folder).into_iter().flatten());
-        files
-            .flatten()
-            .filter_map(|entry| {
-                let path = entry.path();
-                // Whatever else lies there is not ours.
-                let (kind, digest) = self.name_of(&path)?;
-                let data = entry.metadata().ok().filter(fs::Metadata::is_file)?;
-                let used = data.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-                Some(RecordFile { path, kind, digest, bytes: data.len(), used })
-            })
-            .collect()
+        let record = |path: PathBuf| {
+            // Whatever else lies there is not ours.
+            let (kind, digest) = self.name_of(&path)?;
+            let data = fs::metadata(&path).ok().filter(fs::Metadata::is_file)?;
+            let used = data.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+            Some(RecordFile { path, kind, digest, bytes: data.len(), used })
+        };
+        self.files().filter_map(record).collect()
+    }
+
+    /// Removes what killed writers left behind.
+    fn sweep(&self) {
+        let is_left = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+            let age = fs::metadata(path).and_then(|data| data.modified()).ok().and_then(|at| at.elapsed().ok());
+            name.starts_with(UNFINISHED.as_bytes()) && age.is_some_and(|age| age > LONGEST_WRITE)
+        };
+        self.files().filter(is_left).for_each(|path| drop(fs::remove_file(path)));
+    }
+
+    /// All that lies in the folders of records.
+    fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let below = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        let is_of_records = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+            name.len() == 2 && name.iter().all(u8::is_ascii_hexdigit) && path.is_dir()
+        };
+        below(&self.folder).filter(is_of_records).flat_map(move |folder| below(&folder))
     }
 
     /// Kind and digest of a record by its path; `None` of any other file.
@@ -278,9 +288,9 @@ mod tests {
             let mut damaged = whole.clone();
             damaged[byte] ^= 16;
             fs::write(&path, &damaged).expect("written");
-            let facts = cache.verify();
-            assert_eq!((facts.records, facts.damaged), (10, 1), "byte {byte}");
-            assert_eq!(cache.verify().records, 9);
+            assert_eq!(cache.facts().records, 10);
+            assert_eq!(cache.verify(), 1, "byte {byte}");
+            assert_eq!((cache.verify(), cache.facts().records), (0, 9));
         }
         fs::write(&path, &whole).expect("written");
         assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
@@ -293,7 +303,7 @@ mod tests {
         assert_eq!((all.records, all.bytes), (10, 10_400));
         for number in 0..10u8 {
             let file = fs::File::options().write(true).open(cache.path("thing", &[number; 32])).expect("there");
-            let age = std::time::Duration::from_secs(1000 * u64::from(number) + 1000);
+            let age = Duration::from_secs(1000 * u64::from(number) + 1000);
             file.set_modified(SystemTime::now() - age).expect("set");
         }
         cache.get("thing", &[9; 32]).expect("used");
@@ -302,14 +312,21 @@ mod tests {
         assert_eq!(left, [0, 1, 2, 9]);
         assert_eq!(cache.trim(5_000), 0);
         // Files of others stay, whatever they are called.
-        let theirs = ["ab/notes.txt", "00/.new123", "src/main.rs", "00/00.leaf"].map(|name| cache.folder().join(name));
+        let theirs = ["ab/notes.txt", "00/.new123", "00/.lprtrec-new", "src/main.rs", "00/00.leaf"]
+            .map(|name| cache.folder.join(name));
         for path in &theirs {
             fs::create_dir_all(path.parent().expect("a folder")).expect("made");
             fs::write(path, "theirs").expect("written");
         }
-        assert_eq!(cache.verify().damaged, 0);
+        assert_eq!(cache.verify(), 0);
         cache.trim(0);
         assert!(cache.facts().records == 0 && theirs.iter().all(|path| path.exists()));
+        // A record that was being written an hour ago never will be whole.
+        let left = cache.folder.join("00/.lprtrec-new");
+        let long_ago = SystemTime::now() - LONGEST_WRITE - Duration::from_secs(60);
+        fs::File::options().write(true).open(&left).expect("there").set_modified(long_ago).expect("set");
+        cache.trim(0);
+        assert!(!left.exists() && theirs.iter().filter(|path| path.exists()).count() == 4);
     }
 
     #[test]
@@ -319,7 +336,7 @@ mod tests {
         let path = cache.path("thing", &[3; 32]);
         fs::write(&path, [1, 2, 3]).expect("written");
         assert_eq!((cache.get("thing", &[50; 32]), cache.get("thing", &[3; 32])), (None, None));
-        assert!(path.exists() && cache.verify().damaged == 1 && path.exists());
+        assert!(path.exists() && cache.verify() == 1 && path.exists());
         // Nor does it have to be there.
         let nowhere = Path::new("/nowhere/at/all");
         let options = CacheOptions { read_only: true, ..CacheOptions::default() };

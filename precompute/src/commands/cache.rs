@@ -33,7 +33,7 @@ pub fn run(command: &CacheCommand) -> Result<(), CommandError> {
     }
     let is_changed = command.trim.is_some() || command.verify;
     let cache = Cache::open(place, CacheOptions { read_only: !is_changed, ..CacheOptions::default() })?;
-    let damaged = command.verify.then(|| cache.verify().damaged);
+    let damaged = command.verify.then(|| cache.verify());
     let trimmed_bytes = command.trim.map_or(0, |bytes| cache.trim(bytes));
     let left = cache.facts();
     let facts = Facts { records: left.records, bytes: left.bytes, trimmed_bytes, damaged };

@@ -3,7 +3,7 @@
 
 use super::{Receivers, Sites, TransportScene};
 use crate::{
-    cells::{CellGrid, CellSet},
+    cells::{CellGrid, CellSet, MARGIN},
     digest::{Digest, Digester},
     scene_digests::digests_of_materials,
 };
@@ -155,12 +155,13 @@ impl CellContents {
 fn cut_by_cells(grid: &CellGrid, corners: [Vec3; 3]) -> Vec<(usize, Vec<Vec3>)> {
     let [a, b, c] = corners;
     let (low, high) = grid.range(a.min(b).min(c), a.max(b).max(c));
+    let corners = corners.map(|corner| grid.in_cells(corner));
     let mut parts = Vec::new();
     for z in low.z..=high.z {
         for y in low.y..=high.y {
             for x in low.x..=high.x {
                 let cell = IVec3::new(x, y, z);
-                let part = clip(corners, grid.bounds(cell));
+                let part = clip(corners.map(|corner| corner - cell.as_vec3()));
                 if !part.is_empty() {
                     parts.push((grid.number(cell), part));
                 }
@@ -170,12 +171,13 @@ fn cut_by_cells(grid: &CellGrid, corners: [Vec3; 3]) -> Vec<(usize, Vec<Vec3>)> 
     parts
 }
 
-/// The part of a triangle within a box, as barycentrics of its corners (Sutherland and Hodgman 1974).
-fn clip([a, b, c]: [Vec3; 3], (low, high): (Vec3, Vec3)) -> Vec<Vec3> {
+/// The part of a triangle within the unit cube and the margin around it, as barycentrics of its corners (Sutherland and Hodgman
+/// 1974).
+fn clip([a, b, c]: [Vec3; 3]) -> Vec<Vec3> {
     let mut part = vec![Vec3::X, Vec3::Y, Vec3::Z];
     let place = |weights: Vec3| a * weights.x + b * weights.y + c * weights.z;
     for axis in 0..3 {
-        for (sign, limit) in [(1.0, low[axis]), (-1.0, high[axis])] {
+        for (sign, limit) in [(1.0, -MARGIN), (-1.0, 1.0 + MARGIN)] {
             let inside = |weights: Vec3| sign * (place(weights)[axis] - limit);
             let mut kept = Vec::with_capacity(part.len() + 1);
             for (index, &to) in part.iter().enumerate() {
@@ -248,4 +250,50 @@ fn digest_of_face(scene: &Scene, mesh: usize, triangle: usize, materials: &[Dige
         digester.all(&corners.map(|corner| data.colors[corner].to_array()));
     }
     digester.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use localprt_formats::directions::counter_uniform;
+
+    #[test]
+    fn every_point_of_a_triangle_is_in_a_part_of_its_cell_also_far_from_the_origin() {
+        for far_m in [0.0, 3000.0] {
+            let place = |i: u64, first: u64| {
+                let random = |axis| counter_uniform(11, i, first + axis) as f32;
+                Vec3::new(random(0) * 8.0, random(1) * 3.0, random(2) * 5.0) + far_m
+            };
+            let grid = CellGrid::of((Vec3::splat(far_m), Vec3::new(8.0, 3.0, 5.0) + far_m));
+            for i in 0..30 {
+                let corners = [place(i, 0), place(i, 3), place(i, 6)];
+                let parts = cut_by_cells(&grid, corners);
+                assert!(parts.iter().all(|(cell, part)| *cell < grid.n_cells() && part.len() >= 3));
+                for k in 0..200 {
+                    let (u, v) = (counter_uniform(12, i, 2 * k) as f32, counter_uniform(12, i, 2 * k + 1) as f32);
+                    let root = u.sqrt();
+                    let weights = Vec3::new(1.0 - root, root * (1.0 - v), root * v);
+                    let point = corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z;
+                    let cell = grid.number(grid.in_cells(point).floor().as_ivec3());
+                    let (_, part) = parts.iter().find(|(of, _)| *of == cell).expect("the cell has a part");
+                    // The box around the part's barycentrics holds the point's, but for rounding far from the origin.
+                    let low = part.iter().copied().reduce(Vec3::min).expect("corners");
+                    let high = part.iter().copied().reduce(Vec3::max).expect("corners");
+                    assert!(weights.cmpge(low - 1e-3).all() && weights.cmple(high + 1e-3).all(), "{weights} {part:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn texels_around_a_part_are_those_of_its_lookups_and_a_margin() {
+        let corners = [Vec2::ZERO, Vec2::X, Vec2::Y];
+        let whole = texels_around(&corners, &[Vec3::X, Vec3::Y, Vec3::Z], 8, 0);
+        assert_eq!(whole, Texels { low: [0, 0], high: [7, 7] });
+        // A point at (0.5, 0.25): texel (4, 2), those beside it that a bilinear lookup reads, and one more.
+        let point = texels_around(&corners, &[Vec3::new(0.25, 0.5, 0.25)], 8, 1);
+        assert_eq!(point, Texels { low: [2, 0], high: [6, 4] });
+        assert_eq!(point.above(1), Texels { low: [1, 0], high: [3, 2] });
+        assert_eq!(point.above(1).rows(4).collect::<Vec<_>>(), [1..4, 5..8, 9..12]);
+    }
 }
