@@ -2,10 +2,13 @@
 
 use crate::digest::Digester;
 use glam::{IVec3, Vec3};
+use std::collections::HashMap;
 
 /// Cells along the longest side of the scene box, between this many and half of it.
-const MOST_CELLS: f32 = 128.0;
-/// How much larger than itself a thing counts, in edges of a cell: more than the rounding of a walk along a ray.
+const MOST_CELLS: f32 = 64.0;
+/// Edge of the blocks in which rays start, in cells: rays of a leaf start close to each other.
+const BLOCK: i32 = 4;
+/// How much larger than itself a thing counts, in edges of a cell: more than the rounding of where rays are.
 pub const MARGIN: f32 = 1e-3;
 
 /// Cubes side by side over a scene. Their edge is a power of two metres and their corners are multiples of it, so that scenes of
@@ -24,6 +27,19 @@ pub struct CellGrid {
 pub struct CellSet {
     grid: CellGrid,
     bits: Vec<u64>,
+}
+
+/// Rays by the block of cells in which they start and the cell in which they end. Of the many rays between two of them one is kept: a leaf has millions of rays, and to
+/// walk along each would cost half as much as to trace it.
+#[derive(Clone, Debug)]
+pub struct Crossings {
+    grid: CellGrid,
+    /// Blocks of cells in which rays start, by their lowest cell, and the cells in which those end.
+    starts: Vec<(u32, CellSet)>,
+    /// Where in `starts` a block is.
+    place: HashMap<u32, usize>,
+    /// Start of the last ray, and its place.
+    last: (u32, usize),
 }
 
 impl CellGrid {
@@ -64,58 +80,110 @@ impl CellGrid {
         (z * size.y + y) * size.x + x
     }
 
-    /// Walks along a ray of length `t`, which may be infinite, and visits the cells that it crosses (Amanatides and Woo 1987).
+    /// First and last cell of a ray of length `t` within the grid; `None` if it misses it.
     #[inline]
-    fn walk(&self, origin: Vec3, dir: Vec3, t: f32, mut visit: impl FnMut(usize)) {
+    fn ends(&self, origin: Vec3, dir: Vec3, t: f32) -> Option<[IVec3; 2]> {
         let size = self.size.as_vec3();
         let (from, way) = (self.in_cells(origin), dir / self.edge_m);
-        // Where it enters and leaves the grid.
-        let inverse = way.recip();
-        let (near, far) = (-from * inverse, (size - from) * inverse);
-        // A component of 0 gives no bound: NaN where the ray lies in the plane itself.
-        let bound = |a: f32, b: f32, low: f32, high: f32| match a.is_nan() || b.is_nan() {
-            true => (low, high),
-            false => (a.min(b), a.max(b)),
-        };
+        let to = from + way * t;
+        let is_inside = |place: Vec3| place.cmpge(Vec3::ZERO).all() && place.cmple(size).all();
+        let cell = |place: Vec3| place.floor().as_ivec3().clamp(IVec3::ZERO, self.size - 1);
+        if is_inside(from) && is_inside(to) {
+            return Some([cell(from), cell(to)]);
+        }
         let (mut enter, mut leave) = (0.0f32, t);
         for axis in 0..3 {
-            let (low, high) = bound(near[axis], far[axis], f32::NEG_INFINITY, f32::INFINITY);
-            enter = enter.max(low);
-            leave = leave.min(high);
-        }
-        if enter > leave {
-            return;
-        }
-        let place = (from + way * enter).clamp(Vec3::ZERO, size);
-        let mut cell = place.floor().as_ivec3().min(self.size - 1);
-        let step = IVec3::from_array(way.to_array().map(|value| if value < 0.0 { -1 } else { 1 }));
-        // Where it leaves a cell along an axis: of the planes' own numbers, so that no rounding adds up.
-        let next_plane = |axis: usize, cell: i32| match way[axis] == 0.0 {
-            true => f32::INFINITY,
-            false => ((cell + step[axis].max(0)) as f32 - from[axis]) * inverse[axis],
-        };
-        let mut next = [0, 1, 2].map(|axis| next_plane(axis, cell[axis]));
-        let strides = [1, self.size.x as isize, (self.size.x * self.size.y) as isize];
-        let mut number = self.number(cell) as isize;
-        loop {
-            visit(number as usize);
-            let axis = if next[0] <= next[1] && next[0] <= next[2] {
-                0
-            } else if next[1] <= next[2] {
-                1
-            } else {
-                2
-            };
-            if next[axis] > leave {
-                return;
+            if way[axis] == 0.0 {
+                if from[axis] < 0.0 || from[axis] > size[axis] {
+                    return None;
+                }
+                continue;
             }
-            cell[axis] += step[axis];
-            if cell[axis] < 0 || cell[axis] >= self.size[axis] {
-                return;
-            }
-            number += strides[axis] * step[axis] as isize;
-            next[axis] = next_plane(axis, cell[axis]);
+            let (a, b) = (-from[axis] / way[axis], (size[axis] - from[axis]) / way[axis]);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
         }
+        (enter <= leave).then(|| [enter, leave].map(|t| cell(from + way * t)))
+    }
+
+    /// Visits all cells that some straight line from a block of cells, given by the lowest of them, to a cell may touch, and some beside
+    /// them: slab by slab, the box of what a cube touches there that moves from the one to the other and shrinks on its way.
+    fn between(&self, block: IVec3, end: IVec3, mut visit: impl FnMut(usize)) {
+        // Lower and upper corner of the cube, at its start and at its end.
+        let low = [block.as_vec3() - MARGIN, end.as_vec3() - MARGIN];
+        let high = [(block + BLOCK).as_vec3() + MARGIN, (end + 1).as_vec3() + MARGIN];
+        let at = |[from, to]: [Vec3; 2], share: f32| from + (to - from) * share;
+        let main = (end - block).abs().max_position();
+        let slabs = block[main].min(end[main])..=(block[main] + BLOCK - 1).max(end[main]);
+        for slab in slabs {
+            // Its way while it is in this slab.
+            let mut way = [0.0f32, 1.0];
+            for ([from, to], limit) in [(low.map(|low| low[main]), slab + 1), (high.map(|high| -high[main]), -slab)] {
+                let reached = (limit as f32 - from) / (to - from);
+                if to > from {
+                    way[1] = way[1].min(reached);
+                } else if to < from {
+                    way[0] = way[0].max(reached);
+                }
+            }
+            let mut least = at(low, way[0]).min(at(low, way[1])).floor().as_ivec3().max(IVec3::ZERO);
+            let mut most = at(high, way[0]).max(at(high, way[1])).floor().as_ivec3().min(self.size - 1);
+            (least[main], most[main]) = (slab, slab);
+            if slab < self.size[main] {
+                self.visit_box(least, most, &mut visit);
+            }
+        }
+    }
+
+    fn visit_box(&self, low: IVec3, high: IVec3, visit: &mut impl FnMut(usize)) {
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                let first = self.number(IVec3::new(low.x, y, z));
+                (first..=first + (high.x - low.x) as usize).for_each(&mut *visit);
+            }
+        }
+    }
+
+    /// The cell of a number.
+    fn cell(&self, number: usize) -> IVec3 {
+        let size = self.size.as_usizevec3();
+        let (x, rest) = (number % size.x, number / size.x);
+        IVec3::new(x as i32, (rest % size.y) as i32, (rest / size.y) as i32)
+    }
+}
+
+impl Crossings {
+    /// No rays yet.
+    pub fn new(grid: CellGrid) -> Self {
+        Self { grid, starts: Vec::new(), place: HashMap::new(), last: (u32::MAX, 0) }
+    }
+
+    /// Takes in a ray of length `t`, which may be infinite. It costs least if rays that follow each other start in one cell.
+    #[inline]
+    pub fn cross(&mut self, origin: Vec3, dir: Vec3, t: f32) {
+        let Some([from, to]) = self.grid.ends(origin, dir, t) else { return };
+        let start = self.grid.number(from / BLOCK * BLOCK) as u32;
+        if self.last.0 != start {
+            let Self { grid, starts, place, .. } = self;
+            let place = *place.entry(start).or_insert_with(|| {
+                starts.push((start, CellSet::new(*grid)));
+                starts.len() - 1
+            });
+            self.last = (start, place);
+        }
+        self.starts[self.last.1].1.insert(self.grid.number(to));
+    }
+
+    /// The cells that any of them crossed, and some beside them.
+    pub fn cells(&self) -> CellSet {
+        let mut cells = CellSet::new(self.grid);
+        for (start, ends) in &self.starts {
+            let start = self.grid.cell(*start as usize);
+            for end in ends.iter() {
+                self.grid.between(start, self.grid.cell(end), |cell| cells.insert(cell));
+            }
+        }
+        cells
     }
 }
 
@@ -125,11 +193,9 @@ impl CellSet {
         Self { grid, bits: vec![0; grid.n_cells().div_ceil(64)] }
     }
 
-    /// Takes in the cells that a ray of length `t` crosses; it may be infinite.
     #[inline]
-    pub fn cross(&mut self, origin: Vec3, dir: Vec3, t: f32) {
-        let Self { grid, bits } = self;
-        grid.walk(origin, dir, t, |number| bits[number / 64] |= 1 << (number % 64));
+    fn insert(&mut self, number: usize) {
+        self.bits[number / 64] |= 1 << (number % 64);
     }
 
     /// As words of 64 cells by rising number.
@@ -174,7 +240,7 @@ mod tests {
     #[test]
     fn scenes_of_about_the_same_size_have_the_same_cells() {
         let (a, b) = (CellGrid::of((LOW, HIGH)), CellGrid::of((LOW - 0.7, HIGH)));
-        assert_eq!((a.edge_m, b.edge_m), (0.25, 0.25));
+        assert_eq!((a.edge_m, b.edge_m), (0.5, 0.5));
         for i in 0..200 {
             let place = LOW + Vec3::from([0, 1, 2].map(|axis| random(i, axis))) * (HIGH - LOW);
             let [cell, in_b] = [a, b].map(|grid| grid.range(place, place).0);
@@ -194,9 +260,9 @@ mod tests {
             let origin = if i % 7 == 0 { origin - Vec3::Y * 30.0 } else { origin };
             let dir = if i % 3 == 0 { Vec3::AXES[i as usize % 3] } else { (at(3) - origin).normalize() };
             let t = if i % 2 == 0 { f32::INFINITY } else { 9.0 * random(i, 6) };
-            let mut crossed = CellSet::new(grid);
+            let mut crossed = Crossings::new(grid);
             crossed.cross(origin, dir, t);
-            let cells: Vec<usize> = crossed.iter().collect();
+            let cells: Vec<usize> = crossed.cells().iter().collect();
             assert!(cells.windows(2).all(|pair| pair[0] < pair[1]));
             for step in 0..200 {
                 let place = origin + dir * t.min(60.0) * (step as f32 / 199.0);
@@ -216,7 +282,16 @@ mod tests {
                 }
                 assert!(found, "{place} of {origin} {dir} {t}");
             }
-            assert!(cells.len() < 4 * (128 + 64), "{} cells", cells.len());
+            // And no others but those beside it. Worst is a diagonal: while the cube of the block is in a slab it moves by its edge and
+            // one along each other axis; the box of its way reaches half of that and half an edge from its middle, and by the margins
+            // into one cell more; the ray is up to half an edge beside the middle.
+            let most = (1.5 * BLOCK as f32 + 1.5) * 2.0f32.sqrt();
+            for &cell in &cells {
+                let middle = (grid.cell(cell) + grid.first).as_vec3() + 0.5;
+                let along = (middle * grid.edge_m - origin).dot(dir).clamp(0.0, t);
+                let apart = middle.distance((origin + dir * along) / grid.edge_m);
+                assert!(apart <= most, "{apart} cells from {origin} {dir} {t}");
+            }
         }
     }
 }

@@ -216,6 +216,7 @@ impl TransportScene<'_> {
         }
         let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
         let Traced { counts: rays, crossed } = workspace.traced;
+        let crossed = crossed.map(|crossed| crossed.cells());
         TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, links, rays, crossed }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::RayCounts;
 use crate::{
-    cells::{CellGrid, CellSet},
+    cells::{CellGrid, Crossings},
     rays::{OccluderHint, RayCaster, SurfaceHit},
 };
 use glam::Vec3;
@@ -12,13 +12,13 @@ use glam::Vec3;
 pub(super) struct Traced {
     pub counts: RayCounts,
     /// Cells that they crossed, if anybody wants to know.
-    pub crossed: Option<CellSet>,
+    pub crossed: Option<Crossings>,
 }
 
 impl Traced {
     /// None yet; with the cells of a grid.
     pub fn new(cells: Option<CellGrid>) -> Self {
-        Self { counts: RayCounts::default(), crossed: cells.map(CellSet::new) }
+        Self { counts: RayCounts::default(), crossed: cells.map(Crossings::new) }
     }
 
     /// [`RayCaster::closest_hit`].
@@ -38,7 +38,8 @@ impl Traced {
     pub fn visible(&mut self, caster: &RayCaster<'_>, from: Vec3, to: Vec3, hint: &mut OccluderHint) -> bool {
         self.counts.visibility += 1;
         if let Some(crossed) = &mut self.crossed {
-            crossed.cross(from, to - from, 1.0);
+            // Of its two ends the probe is the one that it shares with others.
+            crossed.cross(to, from - to, 1.0);
         }
         caster.visible_hinted(from, to, hint)
     }
