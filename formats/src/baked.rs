@@ -142,6 +142,8 @@ pub struct BakedArrays {
     pub volume: Option<VolumeArrays>,
     /// The bake report without times, JSON; may be empty.
     pub report: String,
+    /// What the next bake needs to leave layout, probes and leaves where they are, JSON; may be empty.
+    pub plan: String,
 }
 
 /// Transport to the cells of a grid: incident radiance from all directions about a point, SH in world axes.
@@ -194,6 +196,7 @@ pub struct BakedView<'a> {
     pub seams: &'a [[u32; 2]],
     pub volume: Option<VolumeView<'a>>,
     pub report: &'a str,
+    pub plan: &'a str,
 }
 
 impl BakedArrays {
@@ -216,6 +219,7 @@ impl BakedArrays {
             seams: &self.seams,
             volume: self.volume.as_ref().map(VolumeArrays::view),
             report: &self.report,
+            plan: &self.plan,
         }
     }
 }

@@ -34,10 +34,12 @@ pub(crate) fn check_tables(view: &BakedView<'_>) -> Result<(), Violation> {
     check_receivers(view)?;
     check_table(view.blocks, view.receiver_position, view.shape())?;
     check_gutters_and_seams(view)?;
-    if !view.report.is_empty()
-        && let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(view.report)
-    {
-        return fail(62, format!("report: not JSON: {error}"));
+    for (name, text) in [("report", view.report), ("plan", view.plan)] {
+        if !text.is_empty()
+            && let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text)
+        {
+            return fail(62, format!("{name}: not JSON: {error}"));
+        }
     }
     view.volume.as_ref().map_or(Ok(()), |volume| check_volume(view, volume))
 }

@@ -8,7 +8,7 @@ pub const MAGIC: [u8; 8] = *b"\x89LPR\r\n\x1a\n";
 /// Major version this crate reads and writes; others are refused.
 pub const VERSION_MAJOR: u16 = 2;
 /// Minor version this crate writes; any is read.
-pub const VERSION_MINOR: u16 = 0;
+pub const VERSION_MINOR: u16 = 1;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 64;
 /// Bytes of one entry of the section table.
@@ -52,6 +52,7 @@ pub(crate) enum Known {
     VolumeBlockData,
     VolumeFill,
     Report,
+    Plan,
 }
 
 /// How a known section is described.
@@ -74,7 +75,7 @@ const fn optional(known: Known, kind: &[u8; 4], scalar: Scalar, components: u16)
 }
 
 /// Descriptions of all known sections, by [`Known`], in the order in which they are written.
-pub(crate) const LAYOUTS: [Layout; 21] = [
+pub(crate) const LAYOUTS: [Layout; 22] = [
     layout(Known::Metadata, b"META", Scalar::U8, 1),
     layout(Known::Probes, b"PROB", Scalar::F32, 4),
     layout(Known::RayDirs, b"RDIR", Scalar::F32, 4),
@@ -96,6 +97,7 @@ pub(crate) const LAYOUTS: [Layout; 21] = [
     optional(Known::VolumeBlockData, b"VDAT", Scalar::U32, 1),
     optional(Known::VolumeFill, b"VFIL", Scalar::U32, 2),
     optional(Known::Report, b"REPT", Scalar::U8, 1),
+    optional(Known::Plan, b"PLAN", Scalar::U8, 1),
 ];
 
 fn known_section(kind: SectionKind) -> Option<(usize, &'static Layout)> {

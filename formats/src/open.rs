@@ -30,6 +30,7 @@ pub struct Baked {
     ranges: [Range<usize>; LAYOUTS.len()],
     /// Copied, so that a mapped file that changes underneath cannot make it invalid UTF-8.
     report: String,
+    plan: String,
 }
 
 impl Baked {
@@ -67,14 +68,14 @@ impl Baked {
         let header = Header::parse(file)?;
         let ranges = section_ranges(&header)?;
         let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
-        let report = report_text(&file[ranges[Known::Report as usize].clone()])?.to_owned();
-        check_tables(&view(file, &ranges, &metadata, &report))?;
-        Ok(Self { bytes, header, metadata, ranges, report })
+        let [report, plan] = texts(file, &ranges)?.map(str::to_owned);
+        check_tables(&view(file, &ranges, &metadata, [&report, &plan]))?;
+        Ok(Self { bytes, header, metadata, ranges, report, plan })
     }
 
     /// All arrays.
     pub fn view(&self) -> BakedView<'_> {
-        view(self.bytes.as_slice(), &self.ranges, &self.metadata, &self.report)
+        view(self.bytes.as_slice(), &self.ranges, &self.metadata, [&self.report, &self.plan])
     }
 
     /// The file with every block of transport checked: what relighters take.
@@ -165,8 +166,8 @@ pub(crate) fn check_file(file: &[u8]) -> Vec<OpenError> {
     }
     let checked = section_ranges(&header).map_err(OpenError::from).and_then(|ranges| {
         let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
-        let report = report_text(&file[ranges[Known::Report as usize].clone()])?;
-        Ok(check_invariants(&view(file, &ranges, &metadata, report))?)
+        let texts = texts(file, &ranges)?;
+        Ok(check_invariants(&view(file, &ranges, &metadata, texts))?)
     });
     errors.extend(checked.err());
     errors
@@ -265,15 +266,21 @@ fn section_ranges(header: &Header) -> Result<[Range<usize>; LAYOUTS.len()], Viol
     Ok(ranges)
 }
 
-fn report_text(bytes: &[u8]) -> Result<&str, Violation> {
-    std::str::from_utf8(bytes).map_err(|error| Violation { rule: 62, message: format!("report: not UTF-8: {error}") })
+/// Report and plan.
+fn texts<'a>(file: &'a [u8], ranges: &[Range<usize>; LAYOUTS.len()]) -> Result<[&'a str; 2], Violation> {
+    let text = |known: Known, name: &str| {
+        let bytes = &file[ranges[known as usize].clone()];
+        let refusal = |error| Violation { rule: 62, message: format!("{name}: not UTF-8: {error}") };
+        std::str::from_utf8(bytes).map_err(refusal)
+    };
+    Ok([text(Known::Report, "report")?, text(Known::Plan, "plan")?])
 }
 
 fn view<'a>(
     file: &'a [u8],
     ranges: &[Range<usize>; LAYOUTS.len()],
     metadata: &'a Metadata,
-    report: &'a str,
+    [report, plan]: [&'a str; 2],
 ) -> BakedView<'a> {
     BakedView {
         metadata,
@@ -297,6 +304,7 @@ fn view<'a>(
             fill: slice(file, ranges, Known::VolumeFill),
         }),
         report,
+        plan,
     }
 }
 

@@ -144,6 +144,8 @@ fn payload<'a>(known: Known, view: &BakedView<'a>, metadata: &'a [u8]) -> Option
         Known::VolumeFill => cast_slice(view.volume?.fill),
         Known::Report if view.report.is_empty() => return None,
         Known::Report => view.report.as_bytes(),
+        Known::Plan if view.plan.is_empty() => return None,
+        Known::Plan => view.plan.as_bytes(),
     })
 }
 

@@ -15,8 +15,8 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
 }
 
-fn golden_2_0() -> PathBuf {
-    let path = data("minimal_v2.lprt");
+fn golden_2_1() -> PathBuf {
+    let path = data("minimal_v2_1.lprt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         write(&path, &minimal()).unwrap();
     }
@@ -32,12 +32,20 @@ fn files_of_version_1_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn the_file_of_version_2_0_opens_to_known_values() {
-    let path = golden_2_0();
+fn the_file_of_version_2_0_opens_without_a_plan() {
+    let baked = Baked::open(data("minimal_v2.lprt")).unwrap();
+    assert_eq!((baked.version(), baked.sections().len(), baked.view().plan), ((2, 0), 21, ""));
+    assert_known_values(&baked);
+}
+
+#[test]
+fn the_file_of_version_2_1_opens_to_known_values() {
+    let path = golden_2_1();
     assert_eq!(check(&path).unwrap(), []);
     let baked = Baked::open(&path).unwrap();
-    assert_eq!(baked.version(), (2, 0));
-    assert_eq!(baked.sections().len(), 21);
+    assert_eq!(baked.version(), (2, 1));
+    assert_eq!(baked.sections().len(), 22);
+    assert_eq!(baked.view().plan, r#"{"version":1}"#);
     assert_known_values(&baked);
     let checked = baked.checked().unwrap();
     let view = checked.view();
@@ -93,8 +101,8 @@ fn assert_known_values(baked: &Baked) {
 }
 
 #[test]
-fn the_file_of_version_2_0_is_written_byte_for_byte() {
-    let stored = std::fs::read(golden_2_0()).unwrap();
+fn the_file_of_version_2_1_is_written_byte_for_byte() {
+    let stored = std::fs::read(golden_2_1()).unwrap();
     assert!(stored.len() < 10_240, "{} bytes", stored.len());
     assert_eq!(stored, to_bytes(&minimal()).unwrap());
 }
@@ -118,7 +126,7 @@ fn the_stored_sh_table_matches_the_basis() {
 #[test]
 fn an_independent_reader_agrees() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_lprt.py");
-    let output = match Command::new("python3").arg(&script).arg(golden_2_0()).output() {
+    let output = match Command::new("python3").arg(&script).arg(golden_2_1()).output() {
         Ok(output) => output,
         Err(error) => {
             eprintln!("skipped an_independent_reader_agrees: python3 does not start: {error}");
@@ -129,7 +137,7 @@ fn an_independent_reader_agrees() {
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let hash: String = (0..32).map(|byte| format!("{byte:02x}")).collect();
     let expected = serde_json::json!({
-        "version": [2, 0],
+        "version": [2, 1],
         "tool_version": "0.1.0",
         "scene_path": "minimal.glb",
         "scene_hash": hash,
@@ -151,6 +159,7 @@ fn an_independent_reader_agrees() {
         "gutters": 2,
         "seams": 1,
         "report": true,
+        "plan": true,
     });
     for (key, value) in expected.as_object().unwrap() {
         assert_eq!(&found[key], value, "{key}");

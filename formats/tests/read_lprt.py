@@ -13,7 +13,7 @@ KINDS = {  # kind: (scalar, components, flag)
     "META": (1, 1, 1), "PROB": (5, 4, 1), "RDIR": (5, 4, 1), "RASH": (5, 1, 1), "RAUV": (3, 1, 1), "RALV": (1, 1, 1),
     "RADS": (4, 1, 0), "RTEX": (3, 1, 1), "RPOS": (5, 3, 1), "RNRM": (5, 3, 1), "RUNS": (5, 1, 1), "BLOK": (3, 32, 1),
     "BDAT": (3, 1, 1), "GUTR": (3, 2, 1), "SEAM": (3, 2, 1), "VOLU": (3, 8, 0), "VCEL": (3, 1, 0), "VBLK": (3, 32, 0),
-    "VDAT": (3, 1, 0), "VFIL": (3, 2, 0), "REPT": (1, 1, 0),
+    "VDAT": (3, 1, 0), "VFIL": (3, 2, 0), "REPT": (1, 1, 0), "PLAN": (1, 1, 0),
 }
 CRC_TABLE = []
 for byte in range(256):
@@ -234,7 +234,7 @@ def main():
         "projection": sum(len(block["projection"]) for block in blocks),
         "reconstruction": sum(len(block["reconstruction"]) for block in blocks),
         "ray_distances": len(sections.get("RADS") or ()), "gutters": len(sections["GUTR"]) // 2, "seams": len(sections["SEAM"]) // 2,
-        "report": bool(sections.get("REPT")), "irradiance": irradiance,
+        "report": bool(sections.get("REPT")), "plan": bool(sections.get("PLAN")), "irradiance": irradiance,
         "near": near, "volume": volume, "volume_radiance": volume and volume_uniform(meta, sections, volume),
     }))
 

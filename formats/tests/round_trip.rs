@@ -32,6 +32,7 @@ fn owned(view: &BakedView<'_>) -> BakedArrays {
             fill: volume.fill.to_vec(),
         }),
         report: view.report.to_owned(),
+        plan: view.plan.to_owned(),
     }
 }
 
@@ -82,7 +83,7 @@ fn a_file_on_disk_opens_mapped_and_copied_alike() {
     assert_eq!(owned(&mapped.view()), minimal());
     assert_eq!(owned(&copied.view()), minimal());
     assert_eq!(mapped.content_hash(), copied.content_hash());
-    assert_eq!(mapped.version(), (2, 0));
+    assert_eq!(mapped.version(), (2, 1));
     assert_eq!(check(&path).unwrap(), []);
 }
 

@@ -7,6 +7,7 @@ pub use bake_flags::BakeFlags;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use localprt_precompute::cache::CacheOptions;
 use localprt_precompute::settings::Preset;
+use localprt_precompute::shards::MOST_SHARDS;
 use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
@@ -33,6 +34,12 @@ Examples:
   precompute bake hall.glb -o hall.lprt --preset preview
   precompute bake builtin:cornell -o cornell.lprt --report cornell.json
   precompute bake --preset medium --print-config > bake.toml";
+
+const PLAN_EXAMPLE: &str = "\
+Example:
+  precompute plan hall.glb -o hall.plan --shards 16
+  precompute bake --plan hall.plan --shard 0      # and 1 to 15, anywhere, in any order
+  precompute merge --plan hall.plan -o hall.lprt";
 
 const RELIGHT_EXAMPLE: &str = "\
 Examples:
@@ -89,6 +96,11 @@ pub enum Command {
     Info(Info),
     /// Verify every checksum and every invariant of a baked file
     Check(Check),
+    /// Say which leaves of a bake are baked together, in shards that any machine can bake
+    #[command(before_help = PLAN_EXAMPLE)]
+    Plan(Box<Plan>),
+    /// Make a baked file of the shards of a plan
+    Merge(Merge),
     /// Say what a cache of bakes holds; trim or verify it
     Cache(CacheCommand),
     /// Write a built-in scene as .glb
@@ -101,12 +113,18 @@ pub enum Command {
 #[derive(Debug, Args)]
 pub struct Bake {
     /// Scene: .gltf, .glb or builtin:NAME
-    #[arg(value_name = "SCENE", required_unless_present = "print_config")]
+    #[arg(value_name = "SCENE", required_unless_present_any = ["print_config", "plan"])]
     pub scene: Option<String>,
     /// Baked file to write; if the scene has to be unwrapped, OUT.glb is written beside it, or OUT.lightmap.glb where
     /// OUT.glb is the scene
-    #[arg(short, long, value_name = "OUT.lprt", required_unless_present = "print_config")]
+    #[arg(short, long, value_name = "OUT.lprt", required_unless_present_any = ["print_config", "plan"])]
     pub output: Option<PathBuf>,
+    /// Bake one shard of a plan, whose scene and options these are; what is finished already is not made again
+    #[arg(long, value_name = "PLAN", requires = "shard", conflicts_with_all = ["scene", "output", "config", "print_config"])]
+    pub plan: Option<PathBuf>,
+    /// Number of the shard, from 0
+    #[arg(long, value_name = "I", requires = "plan")]
+    pub shard: Option<u32>,
     /// Also write what was made, how good it is and what it cost, as JSON (`-` is standard output)
     #[arg(long, value_name = "OUT.json")]
     pub report: Option<PathBuf>,
@@ -122,9 +140,68 @@ pub struct Bake {
     /// Where results are kept from bake to bake.
     #[command(flatten)]
     pub cache: CacheFlags,
+    /// Where charts, probes and leaves go.
+    #[command(flatten)]
+    pub layout: LayoutFlags,
     /// Options of the bake.
     #[command(flatten)]
     pub flags: BakeFlags,
+}
+
+/// `precompute plan`
+#[derive(Debug, Args)]
+pub struct Plan {
+    /// Scene: .gltf, .glb or builtin:NAME
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// Plan to write; leaves are kept in PLAN.parts beside it
+    #[arg(short, long, value_name = "PLAN")]
+    pub output: PathBuf,
+    /// Number of shards
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SHARDS)))]
+    pub shards: u32,
+    /// Keep leaves there instead
+    #[arg(long, value_name = "PLACE")]
+    pub cache: Option<PathBuf>,
+    /// Scene of an earlier bake, with its baked file beside it, whose layout is kept
+    #[arg(long, value_name = "PREVIOUS.glb")]
+    pub layout: Option<PathBuf>,
+    /// Read options from a TOML file; its keys are the flags below with underscores
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
+    /// Options to start from: --config and flags overrule them
+    #[arg(long, value_parser = bake_flags::preset(), default_value = Preset::Production.name())]
+    pub preset: Preset,
+    /// Options of the bake.
+    #[command(flatten)]
+    pub flags: BakeFlags,
+}
+
+/// `precompute merge`
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// The plan, all shards of which are baked
+    #[arg(long, value_name = "PLAN")]
+    pub plan: PathBuf,
+    /// Baked file to write, and the scene beside it, as by `bake`
+    #[arg(short, long, value_name = "OUT.lprt")]
+    pub output: PathBuf,
+    /// Also write the report of the bake as JSON (`-` is standard output)
+    #[arg(long, value_name = "OUT.json")]
+    pub report: Option<PathBuf>,
+}
+
+/// Where charts, probes and leaves go.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Layout")]
+pub struct LayoutFlags {
+    /// Scene of an earlier bake, with its baked file beside it: charts, probes and leaves stay where they are there, but for what
+    /// has changed [default: the output that is replaced, if its options were the same]
+    #[arg(long, value_name = "PREVIOUS.glb", conflicts_with = "new_layout")]
+    pub layout: Option<PathBuf>,
+    /// Lay everything out anew
+    #[arg(long)]
+    pub new_layout: bool,
 }
 
 /// Which results a bake keeps, and where.

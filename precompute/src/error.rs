@@ -63,6 +63,12 @@ pub enum BakeError {
         /// What to do.
         remedy: String,
     },
+    /// Leaves that should have been baked elsewhere are not there.
+    #[error("{} leaves are missing", leaves.len())]
+    Missing {
+        /// Their numbers.
+        leaves: Vec<usize>,
+    },
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -85,6 +91,7 @@ impl BakeError {
             Self::Settings(_) | Self::Option { .. } | Self::Limit { .. } => Exit::Usage,
             Self::Unsupported { .. } => Exit::Unsupported,
             Self::Quality { .. } => Exit::Quality,
+            Self::Missing { .. } => Exit::Incomplete,
             Self::Output(_) => Exit::Io,
             Self::Cancelled(_) => Exit::Interrupted,
             Self::Internal { .. } => Exit::Internal,
@@ -107,6 +114,7 @@ impl From<BakeError> for CommandError {
             | BakeError::Option { remedy, .. }
             | BakeError::Unsupported { remedy, .. }
             | BakeError::Quality { remedy, .. } => shown.help(remedy),
+            BakeError::Missing { .. } => shown.help("bake the shards that hold them, and merge again"),
             BakeError::Settings(error) => error.into(),
             BakeError::Output(error) => error.into(),
             BakeError::Cancelled(error) => error.into(),

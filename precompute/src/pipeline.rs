@@ -3,6 +3,7 @@
 mod assemble;
 mod facts;
 mod failures;
+mod keep_layout;
 mod kept_bake;
 mod lay_out;
 mod layout_cache;
@@ -18,8 +19,16 @@ pub use kept_bake::KeptBake;
 pub use write::Written;
 
 use crate::{
-    cache::Cache, error::BakeError, lightmap::Atlas, progress::Progress, rays::RayCaster, report::BakeReport,
+    cache::Cache,
+    error::BakeError,
+    lightmap::Atlas,
+    plan::{BakePlan, Previous},
+    progress::Progress,
+    rays::RayCaster,
+    report::{BakeReport, CacheUse},
     settings::BakeSettings,
+    transport::FitScene,
+    volume::VolumeCells,
 };
 use assemble::assemble;
 use facts::{Finished, scene_facts};
@@ -28,7 +37,7 @@ use lay_out::{LaidOut, Space, lay_out_with};
 use localprt_formats::BakedArrays;
 use localprt_scenes::Scene;
 use place::{Placed, volume_grid};
-use transported::Transported;
+use transported::{Given, Stages, Transported, with_leaves};
 use views::Views;
 
 /// What a bake makes.
@@ -44,6 +53,15 @@ pub struct BakeOutput {
     pub report: BakeReport,
 }
 
+/// What a bake may use of others.
+#[derive(Clone, Copy, Default)]
+pub struct Reuse<'a> {
+    /// Results by what they depend on. The output is the same with it and without.
+    pub cache: Option<&'a Cache>,
+    /// An earlier bake, whose charts, probes and leaves stay where they are as far as the scene lets them.
+    pub previous: Option<&'a Previous>,
+}
+
 /// Help for options out of range.
 const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 
@@ -52,21 +70,130 @@ const RANGES_HELP: &str = "see `precompute bake --help` for the ranges";
 /// # Errors
 /// Those of the stages, by who can act; see [`BakeError`].
 pub fn bake(scene: Scene, settings: &BakeSettings, progress: &Progress) -> Result<BakeOutput, BakeError> {
-    bake_with(scene, settings, None, progress)
+    bake_with(scene, settings, Reuse::default(), progress)
 }
 
-/// The same with the layout and the leaves that a cache holds taken from there, and others kept in it: the output is the same, but
-/// for the use of the cache in the report.
+/// The same with layout and leaves taken from a cache that holds them, and others kept in it: the output is the same, but for the use
+/// of the cache in the report. Or with the plan of an earlier bake, whose options have to be the same where it depends on them.
 ///
 /// # Errors
-/// See [`bake`].
+/// See [`bake`]; [`BakeError::Option`] for a plan by other options.
 pub fn bake_with(
     scene: Scene,
     settings: &BakeSettings,
-    cache: Option<&Cache>,
+    reuse: Reuse<'_>,
     progress: &Progress,
 ) -> Result<BakeOutput, BakeError> {
+    match run(scene, settings, reuse, Task::Bake, progress)? {
+        Outcome::Baked(baked) => Ok(*baked),
+        _ => Err(no_such_outcome()),
+    }
+}
+
+/// About how much work each leaf of a bake is, in no unit: those of the lightmap and, after them, those of the volume. What the stages
+/// before the leaves make is kept in the cache.
+///
+/// # Errors
+/// See [`bake_with`].
+pub fn costs(
+    scene: Scene,
+    settings: &BakeSettings,
+    reuse: Reuse<'_>,
+    progress: &Progress,
+) -> Result<Vec<f64>, BakeError> {
+    match run(scene, settings, reuse, Task::Costs, progress)? {
+        Outcome::Costs(costs) => Ok(costs),
+        _ => Err(no_such_outcome()),
+    }
+}
+
+/// Makes some leaves of a bake, numbered as in [`costs`], and keeps them in the cache, but for those that it holds already.
+///
+/// # Errors
+/// See [`bake_with`].
+pub fn keep_leaves(
+    scene: Scene,
+    settings: &BakeSettings,
+    reuse: Reuse<'_>,
+    numbers: &[usize],
+    progress: &Progress,
+) -> Result<CacheUse, BakeError> {
+    match run(scene, settings, reuse, Task::Keep(numbers), progress)? {
+        Outcome::Kept(use_of_cache) => Ok(use_of_cache),
+        _ => Err(no_such_outcome()),
+    }
+}
+
+/// A bake from leaves that the cache holds, all of them.
+///
+/// # Errors
+/// See [`bake_with`]; [`BakeError::Missing`] with the numbers of leaves that are not there.
+pub fn merge(
+    scene: Scene,
+    settings: &BakeSettings,
+    reuse: Reuse<'_>,
+    progress: &Progress,
+) -> Result<BakeOutput, BakeError> {
+    match run(scene, settings, reuse, Task::Merge, progress)? {
+        Outcome::Baked(baked) => Ok(*baked),
+        _ => Err(no_such_outcome()),
+    }
+}
+
+/// What is done with the leaves of a bake.
+#[derive(Clone, Copy)]
+enum Task<'a> {
+    Bake,
+    Merge,
+    Costs,
+    Keep(&'a [usize]),
+}
+
+/// What became of the leaves.
+enum Done {
+    Transported(Box<Transported>),
+    Costs(Vec<f64>),
+    Kept(CacheUse),
+}
+
+enum Outcome {
+    Baked(Box<BakeOutput>),
+    Costs(Vec<f64>),
+    Kept(CacheUse),
+}
+
+fn no_such_outcome() -> BakeError {
+    BakeError::Internal { what: "a task has the outcome of another".into() }
+}
+
+impl Task<'_> {
+    fn run(self, stages: Stages<'_>, cells: Option<&VolumeCells>) -> Result<Done, BakeError> {
+        match self {
+            Self::Costs => Ok(Done::Costs(stages.costs())),
+            Self::Keep(numbers) => stages.keep(numbers).map(Done::Kept),
+            Self::Bake => Transported::of(stages, cells).map(Box::new).map(Done::Transported),
+            Self::Merge => match stages.missing() {
+                leaves if leaves.is_empty() => Self::Bake.run(stages, cells),
+                leaves => Err(BakeError::Missing { leaves }),
+            },
+        }
+    }
+}
+
+fn run(
+    scene: Scene,
+    settings: &BakeSettings,
+    reuse: Reuse<'_>,
+    task: Task<'_>,
+    progress: &Progress,
+) -> Result<Outcome, BakeError> {
     settings.check().map_err(|range| BakeError::Option { what: range.to_string(), remedy: RANGES_HELP.into() })?;
+    if let Some(previous) = reuse.previous.filter(|previous| !previous.plan.is_for(settings)) {
+        return Err(BakeError::Option {
+            what: format!("{} was laid out with other options", previous.path.display()),
+            remedy: "give the options that it was baked with, or no --layout".into(),
+        });
+    }
     let source = scene_facts(&scene);
     if scene.face_count() == 0 {
         return Err(BakeError::Scene {
@@ -81,7 +208,7 @@ pub fn bake_with(
         let caster = RayCaster::new(&scene).map_err(tree_error)?;
         let volume = volume_grid(&caster, settings)?;
         let space = Space::of(&caster, settings, progress)?;
-        let laid_out = lay_out_with(cache, &scene, &caster, &space, settings, progress)?.checked()?;
+        let laid_out = lay_out_with(reuse, &scene, &caster, &space, settings, progress)?.checked()?;
         (space, volume, laid_out)
     };
     progress.check()?;
@@ -91,11 +218,16 @@ pub fn bake_with(
     let space = space.of_laid_out(&caster, layout, settings, progress)?;
 
     // Probes, what supports whom, and what each sees.
-    let placed = Placed::of(&caster, space, receivers, volume, settings, progress)?;
-    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, settings, progress)?;
+    let placed = Placed::of(&caster, space, receivers, volume, reuse.previous, settings, progress)?;
+    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, reuse.previous, settings, progress)?;
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
-    let transported = Transported::of(&caster, receivers, &placed, &mut views, settings, cache, progress)?;
+    let given = Given { caster: &caster, receivers, placed: &placed, views: &mut views, settings };
+    let transported = match with_leaves(given, reuse, progress, |stages| task.run(stages, placed.volume.as_ref()))? {
+        Done::Transported(transported) => *transported,
+        Done::Costs(costs) => return Ok(Outcome::Costs(costs)),
+        Done::Kept(use_of_cache) => return Ok(Outcome::Kept(use_of_cache)),
+    };
 
     let stage = progress.stage("assemble", 0);
     let finished = Finished {
@@ -107,12 +239,20 @@ pub fn bake_with(
         transported: &transported,
     };
     let mut report = finished.report(source, settings, progress);
-    let use_of_cache = cache.map(|_| transported.cache);
+    let use_of_cache = reuse.cache.map(|_| transported.cache);
+    let plan = BakePlan {
+        fit: views.fit.as_ref().map(FitScene::constants),
+        near_least_gain: transported.near_least_gain,
+        volume_radius_m: transported.volume_radius_m,
+        leaves: transported.tree.clone(),
+        ..BakePlan::new(settings, laid_out.charts.clone(), placed.report.spread)
+    };
     let mut arrays = assemble(&laid_out, settings, &placed.probes, views.rays, transported);
     report.count_bytes(&arrays.view());
     drop(stage);
     report.warnings = progress.warnings();
     arrays.report = report.to_embedded_json();
+    arrays.plan = plan.to_json();
     report.cache = use_of_cache;
     report.measure_run(progress);
     if let Some(allowed) = settings.max_unseen.filter(|&allowed| report.unseen.mean > f64::from(allowed)) {
@@ -123,5 +263,6 @@ pub fn bake_with(
             remedy: "use more probes, a larger overlap or a larger repair share".into(),
         });
     }
-    Ok(BakeOutput { arrays, unwrapped: !laid_out.layout.kept, scene: laid_out.scene, report })
+    let unwrapped = !laid_out.layout.kept;
+    Ok(Outcome::Baked(Box::new(BakeOutput { arrays, unwrapped, scene: laid_out.scene, report })))
 }

@@ -33,6 +33,25 @@ pub fn digest_of_scene(scene: &Scene) -> Digest {
     digester.finish()
 }
 
+/// Of all of a mesh that its charts depend on, but for where it is: not its name.
+pub fn digest_of_shape(scene: &Scene, mesh: &Mesh) -> Digest {
+    let Mesh { name: _, source: _, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } =
+        mesh;
+    let mut digester = Digester::new("shape");
+    digester.one(positions.len() as u64).all(normals).one(uv_sets.len() as u64);
+    uv_sets.iter().for_each(|set| {
+        digester.all(set);
+    });
+    digester
+        .all(&tangents.iter().map(|tangent| tangent.to_array()).collect::<Vec<_>>())
+        .all(&colors.iter().map(|color| color.to_array()).collect::<Vec<_>>())
+        .all(triangles)
+        .one(u8::from(scene.materials[*material].double_sided))
+        .one(lightmap.texel_scale)
+        .one(u8::from(lightmap.bake))
+        .finish()
+}
+
 /// `[n_materials]` of what rays read of each: nothing that only a camera sees.
 pub fn digests_of_materials(scene: &Scene) -> Vec<Digest> {
     let images: Vec<Digest> = scene

@@ -9,8 +9,9 @@ use std::{
     time::Duration,
 };
 
-/// A bake of many small leaves.
-const SMALL: [&str; 14] = [
+/// A bake of many small leaves, of a layout that is the same however often it was baked before.
+const SMALL: [&str; 15] = [
+    "--new-layout",
     "--receivers",
     "1500",
     "--direct-map",

@@ -81,6 +81,7 @@ pub fn minimal() -> BakedArrays {
             fill: vec![[0, 1], [5, 4]],
         }),
         report: r#"{"receivers":3}"#.into(),
+        plan: r#"{"version":1}"#.into(),
     }
 }
 
@@ -182,6 +183,7 @@ pub fn arrays(sizes: &Sizes) -> BakedArrays {
         seams: (1..n_receivers.min(4)).map(|i| [i - 1, i]).collect(),
         receiver_texel: texels,
         report: if sizes.report { format!(r#"{{"seed":{seed}}}"#) } else { String::new() },
+        plan: if sizes.report { format!("[{seed}]") } else { String::new() },
         metadata,
         ..BakedArrays::default()
     };

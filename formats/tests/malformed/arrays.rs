@@ -195,7 +195,9 @@ fn gutter_seam_and_report_rules_refuse() {
     assert_eq!(invariant(|arrays| arrays.seams[0] = [1, 1]), 61);
     assert_eq!(invariant(|arrays| arrays.report = "{\"receivers\":".into()), 62);
     assert_eq!(invariant(|arrays| arrays.report = "[".repeat(100_000)), 62);
+    assert_eq!(invariant(|arrays| arrays.plan = "{]".into()), 62);
     assert_eq!(refused_payload(b"GUTR", 0, &u32::MAX.to_le_bytes()), 60);
     assert_eq!(refused_payload(b"SEAM", 4, &u32::MAX.to_le_bytes()), 61);
     assert_eq!(refused_payload(b"REPT", 3, &[0xff]), 62);
+    assert_eq!(refused_payload(b"PLAN", 3, &[0xff]), 62);
 }

@@ -142,6 +142,11 @@ impl Cache {
         file.persist(path).map(drop).map_err(|error| error.error)
     }
 
+    /// Records that could not be written, since this was last said.
+    pub fn failed(&self) -> u64 {
+        self.failed.load(Relaxed)
+    }
+
     /// Ends the use of a bake: says what could not be kept, and trims.
     pub fn finish(&self, progress: &Progress) {
         let failed = self.failed.swap(0, Relaxed);

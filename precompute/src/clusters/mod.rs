@@ -5,7 +5,7 @@ mod refine;
 #[cfg(test)]
 mod tests;
 
-pub use leaves::leaves;
+pub use leaves::{LeafTree, leaves};
 pub use refine::{RefineSettings, refine};
 
 use crate::compress::CompressedRows;

@@ -1,41 +1,56 @@
 //! `precompute bake`: a scene in, a baked file and a report out.
 
-use super::{cache, check_output, grouped, print_data, size, write_text};
-use crate::cli::{Bake, CacheFlags};
+use super::{cache, check_output, grouped, print_data, shards, size, write_text};
+use crate::cli::{Bake, BakeFlags, CacheFlags, LayoutFlags};
 use localprt_precompute::cache::Cache;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
 use localprt_precompute::inputs;
 use localprt_precompute::output::{OutputError, check_writable};
-use localprt_precompute::pipeline::{self, KeptBake, Written};
+use localprt_precompute::pipeline::{self, BakeOutput, KeptBake, Reuse, Written};
+use localprt_precompute::plan::Previous;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::report::BakeReport;
-use localprt_precompute::settings::BakeSettings;
+use localprt_precompute::settings::{BakeSettings, Preset};
 use localprt_scenes::Scene;
+use localprt_tools::hex;
 use std::path::{Path, PathBuf};
 
 /// Runs the subcommand.
 pub fn run(command: &Bake, progress: &Progress) -> Result<(), CommandError> {
-    let settings = settings(command)?;
+    if command.plan.is_none() && command.shard.is_some() {
+        let help = "give --plan PLAN as well, and no scene";
+        return Err(CommandError::new(Exit::Usage, "a shard is one of a plan").help(help));
+    }
+    if let (Some(plan), Some(shard)) = (&command.plan, command.shard) {
+        if !command.flags.given.is_empty() {
+            let what = "options of the bake are those of the plan";
+            let help = "leave them out, or plan with them";
+            return Err(CommandError::new(Exit::Usage, what).in_file(plan).help(help));
+        }
+        return shards::shard(plan, shard, command.report.as_deref(), progress);
+    }
+    let settings = settings(command.config.as_deref(), command.preset, &command.flags)?;
     if command.print_config {
         return print_data(&settings.to_toml());
     }
     // Both are required by the command line.
     let (Some(source), Some(output)) = (&command.scene, &command.output) else { return Ok(()) };
     check_output(command.report.as_deref())?;
-    let report = bake(source, output, &settings, Some(&command.cache), progress)?;
+    let report = bake(source, output, &settings, Some(&command.cache), &command.layout, progress)?;
     if let Some(path) = &command.report {
         write_text(path, &report.to_json())?;
     }
     Ok(())
 }
 
-fn settings(command: &Bake) -> Result<BakeSettings, CommandError> {
-    let config = match &command.config {
+/// Options of a bake: a preset, a file of them and flags.
+pub fn settings(config: Option<&Path>, preset: Preset, flags: &BakeFlags) -> Result<BakeSettings, CommandError> {
+    let config = match config {
         Some(path) => Some((path.display().to_string(), inputs::text(path)?)),
         None => None,
     };
     let config = config.as_ref().map(|(name, text)| (name.as_str(), text.as_str()));
-    Ok(BakeSettings::resolve(command.preset, config, &command.flags.given)?)
+    Ok(BakeSettings::resolve(preset, config, &flags.given)?)
 }
 
 /// Bakes `source` into `output`, with the unwrapped scene beside it where there is one.
@@ -44,6 +59,7 @@ pub fn bake(
     output: &Path,
     settings: &BakeSettings,
     cache: Option<&CacheFlags>,
+    layout: &LayoutFlags,
     progress: &Progress,
 ) -> Result<BakeReport, CommandError> {
     inputs::check_scene(source)?;
@@ -58,7 +74,7 @@ pub fn bake(
         Some(flags) => cache::of_bake(flags, output, progress)?,
         None => None,
     };
-    let report = bake_scene(scene, source, [output, &scene_output], settings, cache.as_ref(), progress);
+    let report = bake_scene(scene, source, [output, &scene_output], settings, cache.as_ref(), layout, progress);
     if let Some(cache) = &cache {
         cache.finish(progress);
     }
@@ -71,9 +87,16 @@ fn bake_scene(
     [output, scene_output]: [&Path; 2],
     settings: &BakeSettings,
     cache: Option<&Cache>,
+    layout: &LayoutFlags,
     progress: &Progress,
 ) -> Result<BakeReport, CommandError> {
-    let kept = cache.map(|cache| KeptBake::of(cache, &scene, settings, output, scene_output, source));
+    let named = layout.layout.as_deref().map(Previous::open).transpose()?;
+    let layout_key = match (&named, layout.new_layout) {
+        (Some(named), _) => hex(&named.digest()),
+        (None, is_new) => if is_new { "new" } else { "own" }.into(),
+    };
+    let names = [output, scene_output];
+    let kept = cache.map(|cache| KeptBake::of(cache, &scene, settings, names, source, &layout_key));
     if let Some(mut report) = kept.as_ref().and_then(KeptBake::find) {
         report.warnings.iter().for_each(|warning| progress.warn(warning));
         report.measure_run(progress);
@@ -82,20 +105,39 @@ fn bake_scene(
             .note(&format!("{} is up to date: nothing that it depends on is new, {seconds:.1} s", output.display()));
         return Ok(report);
     }
-    let baked = pipeline::bake_with(scene, settings, cache, progress);
-    let baked = baked.map_err(|error| {
-        let about_scene = matches!(error, BakeError::Scene { .. });
-        let error = CommandError::from(error);
-        if about_scene { error.in_file(Path::new(source)) } else { error }
-    })?;
-    let source = (!source.starts_with(inputs::BUILTIN)).then(|| Path::new(source));
-    let written = baked.write(output, scene_output, source, progress)?;
+    let previous = match named {
+        Some(named) => Some(named),
+        None if layout.new_layout => None,
+        // Whatever else lies there is replaced without a word.
+        None => Previous::open(output).ok().filter(|previous| previous.plan.is_for(settings)),
+    };
+    let baked = pipeline::bake_with(scene, settings, Reuse { cache, previous: previous.as_ref() }, progress);
+    let baked = baked.map_err(|error| of_scene(error, source))?;
+    let written = write(baked, source, [output, scene_output], progress)?;
     if let Some(kept) = &kept {
         kept.keep(&written);
     }
-    let Written { scene, is_scene_new, report } = written;
+    Ok(written.report)
+}
 
-    if is_scene_new {
+/// What went wrong in the bake of a scene.
+pub fn of_scene(error: BakeError, source: &str) -> CommandError {
+    let about_scene = matches!(error, BakeError::Scene { .. });
+    let error = CommandError::from(error);
+    if about_scene { error.in_file(Path::new(source)) } else { error }
+}
+
+/// Writes a bake of a scene, and says so.
+pub fn write(
+    baked: BakeOutput,
+    source: &str,
+    [output, scene_output]: [&Path; 2],
+    progress: &Progress,
+) -> Result<Written, CommandError> {
+    let source = (!source.starts_with(inputs::BUILTIN)).then(|| Path::new(source));
+    let written = baked.write(output, scene_output, source, progress)?;
+    let Written { scene, is_scene_new, report } = &written;
+    if *is_scene_new {
         progress.note(&format!("wrote {} (the scene with lightmap coordinates)", scene.display()));
     }
     if let Some(leaves) = report.cache.filter(|leaves| leaves.reused > 0) {
@@ -112,10 +154,11 @@ fn bake_scene(
         100.0 * report.unseen.mean,
         report.seconds
     ));
-    Ok(report)
+    Ok(written)
 }
 
-fn check_baked_output(output: &Path) -> Result<(), OutputError> {
+/// Refuses a place where no baked file can be.
+pub fn check_baked_output(output: &Path) -> Result<(), OutputError> {
     if std::fs::metadata(output).is_ok_and(|data| !data.is_file() && !data.is_dir()) {
         return Err(OutputError::NotAFile { path: output.to_owned() });
     }
@@ -124,7 +167,7 @@ fn check_baked_output(output: &Path) -> Result<(), OutputError> {
 
 /// Where the scene with lightmap coordinates goes, beside OUT.lprt: OUT.glb, or OUT.lightmap.glb where that is the input.
 /// Neither this nor OUT.lprt may be the input.
-fn scene_output(source: &str, output: &Path) -> Result<PathBuf, CommandError> {
+pub fn scene_output(source: &str, output: &Path) -> Result<PathBuf, CommandError> {
     // Links and other spellings of a path lead to the same file.
     let input = Path::new(source).canonicalize().ok().filter(|_| !source.starts_with(inputs::BUILTIN));
     let is_input = |path: &Path| input.is_some() && path.canonicalize().ok() == input;

@@ -3,7 +3,7 @@
 use super::relight::{How, light, take_picture, write_lightmap, write_picture};
 use super::validate::Job;
 use super::{bake, print_data, write_text};
-use crate::cli::{Demo, View};
+use crate::cli::{Demo, LayoutFlags, View};
 use localprt_precompute::error::CommandError;
 use localprt_precompute::inputs;
 use localprt_precompute::output::OutputError;
@@ -32,7 +32,8 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
     let folder = &command.output;
     fs::create_dir_all(folder).map_err(|error| OutputError::write(folder, error))?;
     let baked_path = folder.join("cornell.lprt");
-    let report = bake::bake("builtin:cornell", &baked_path, &Preset::Preview.settings(), None, progress)?;
+    let anew = LayoutFlags { new_layout: true, layout: None };
+    let report = bake::bake("builtin:cornell", &baked_path, &Preset::Preview.settings(), None, &anew, progress)?;
     write_text(&folder.join("cornell.json"), &report.to_json())?;
     let evening_path = folder.join("evening.json");
     write_text(&evening_path, EVENING)?;

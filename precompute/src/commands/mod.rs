@@ -6,6 +6,7 @@ mod demo;
 mod info;
 mod relight;
 mod scene;
+mod shards;
 mod validate;
 
 use crate::cli::{Cli, Command, Global};
@@ -35,6 +36,8 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Validate(command) => validate::run(command, &progress),
         Command::Info(command) => info::run(command),
         Command::Check(command) => info::check(command),
+        Command::Plan(command) => shards::plan(command, &progress),
+        Command::Merge(command) => shards::merge(command, &progress),
         Command::Cache(command) => cache::run(command),
         Command::Scene(command) => scene::run(command, &progress),
         Command::Demo(command) => demo::run(command, &progress),

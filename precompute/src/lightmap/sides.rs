@@ -15,14 +15,27 @@ const RAYS: u32 = 5;
 /// Points of a triangle that rays start from, as corner weights: the middle, and near each corner.
 const STARTS: [[f32; 3]; 4] = [[1.0 / 3.0; 3], [0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]];
 
+/// What is added to the name of a mesh of back faces.
+pub const BACK: &str = " (back)";
+
 /// Tells whether a side of a triangle is worth having: scene, mesh, triangle, front.
 pub type SideTest<'a> = &'a (dyn Fn(&Scene, usize, usize, bool) -> bool + Sync);
 
+/// A scene of one-sided meshes.
+#[derive(Debug)]
+pub struct Sides {
+    /// The scene.
+    pub scene: Scene,
+    /// How many of its meshes each mesh became, in order.
+    pub parts: Vec<u32>,
+    /// Number of back faces.
+    pub back_faces: usize,
+}
+
 /// Replaces every double-sided mesh by one-sided ones: the triangles whose front passes `open_side`, and behind it, as
 /// `NAME (back)`, a flipped copy of those whose back does. A triangle of which neither side passes keeps its front.
-/// Materials of such meshes become one-sided; names, which lighting files refer to, stay. Returns the scene and the
-/// number of back faces.
-pub fn split(mut scene: Scene, open_side: SideTest) -> (Scene, usize) {
+/// Materials of such meshes become one-sided; names, which lighting files refer to, stay.
+pub fn split(mut scene: Scene, open_side: SideTest) -> Sides {
     let live: Vec<Option<Vec<[bool; 2]>>> = scene
         .meshes
         .par_iter()
@@ -34,10 +47,12 @@ pub fn split(mut scene: Scene, open_side: SideTest) -> (Scene, usize) {
         })
         .collect();
     let mut back_faces = 0;
+    let mut parts = Vec::with_capacity(scene.meshes.len());
     let mut meshes = Vec::with_capacity(scene.meshes.len());
     for (mesh, live) in std::mem::take(&mut scene.meshes).into_iter().zip(live) {
         let Some(live) = live else {
             meshes.push(mesh);
+            parts.push(1);
             continue;
         };
         // Each mesh that uses the material comes by here, so nobody is left who wants it double-sided.
@@ -45,10 +60,12 @@ pub fn split(mut scene: Scene, open_side: SideTest) -> (Scene, usize) {
         let back = part(&mesh, |triangle| live[triangle][1]);
         let front = part(&mesh, |triangle| live[triangle][0] || !live[triangle][1]);
         back_faces += back.triangles.len();
+        let before = meshes.len();
         meshes.extend([front, flipped(back)].into_iter().filter(|mesh| !mesh.triangles.is_empty()));
+        parts.push((meshes.len() - before) as u32);
     }
     scene.meshes = meshes;
-    (scene, back_faces)
+    Sides { scene, parts, back_faces }
 }
 
 /// Whether light from the space to light can reach a side of a triangle: whether any of a few rays from it leaves the
@@ -119,7 +136,7 @@ fn part(mesh: &Mesh, keep: impl Fn(usize) -> bool) -> Mesh {
 
 /// The other side of a mesh.
 fn flipped(mut mesh: Mesh) -> Mesh {
-    mesh.name.push_str(" (back)");
+    mesh.name.push_str(BACK);
     for triangle in &mut mesh.triangles {
         triangle.swap(1, 2);
     }
@@ -185,7 +202,8 @@ mod tests {
             2 => !front,
             _ => false,
         };
-        let (after, back_faces) = split(before.clone(), &open);
+        let Sides { scene: after, parts, back_faces } = split(before.clone(), &open);
+        assert_eq!(parts, [2, 1]);
         let names: Vec<&str> = after.meshes.iter().map(|mesh| mesh.name.as_str()).collect();
         assert_eq!(names, ["sheet", "sheet (back)", "solid"]);
         assert_eq!(after.meshes.iter().map(|mesh| mesh.triangles.len()).collect::<Vec<_>>(), [3, 2, 2]);

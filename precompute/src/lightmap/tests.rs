@@ -28,7 +28,7 @@ fn of_texel(texel_m: f32) -> LayoutSize {
 fn even(scale: &LocalScale) -> Wanted<'_> {
     const NO_WALLS: &cut::Walls = &cut::Walls::NONE;
     const UNSEEN: &Seen = &Seen { hits: Vec::new(), typical: 0.0 };
-    Wanted { scale, seen: UNSEEN, hidden: &[], walls: NO_WALLS, texel_m: &|_| 1.0 }
+    Wanted { scale, seen: UNSEEN, hidden: &[], walls: NO_WALLS, texel_m: &|_| 1.0, finest: None }
 }
 
 /// A layout at even density, whatever the scene has, and the size of its map.
@@ -40,7 +40,7 @@ fn unwrapped(scene: Scene, size: LayoutSize, progress: Progress) -> Result<(Scen
     // Of a scene without triangles there is no tree to build, and nobody asks.
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
-    charts.lay_out(scene, &caster, size, progress)
+    charts.lay_out(scene, &caster, size, progress).map(|(scene, texels, _)| (scene, texels))
 }
 
 fn laid_out(scene: Scene, texels: u32) -> Scene {
@@ -141,7 +141,7 @@ fn hidden_surfaces_have_next_to_no_texels() {
     let charts = charts(&scene, wanted, backend(UnwrapBackend::Uvunwrap).unwrap().as_ref(), &quiet).unwrap();
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
-    let (after, size) =
+    let (after, size, _) =
         charts.lay_out(scene, &caster, LayoutSize { texels: 4000, ..LayoutSize::default() }, &quiet).unwrap();
     let mut texels = [0.0; 2];
     for ((mesh, _), uv) in after.faces().zip(&Atlas::of(&after).corners) {
@@ -159,9 +159,9 @@ fn the_light_map_is_full_and_knows_the_receivers_of_its_texels() {
     let charts = charts(&scene, even(&scale), backend.as_ref(), &quiet).unwrap();
     let copy = scene.clone();
     let caster = RayCaster::new(&copy).unwrap();
-    let after = charts.lay_out_light_map(scene, &caster, 256, &quiet).unwrap();
+    let (after, _) = charts.lay_out_light_map(scene, &caster, 256, &quiet).unwrap();
     assert_eq!(after.light_map_set, Some(2));
-    let (after, size) = charts.lay_out(after, &caster, of_texel(0.1), &quiet).unwrap();
+    let (after, size, _) = charts.lay_out(after, &caster, of_texel(0.1), &quiet).unwrap();
     let (light_map, lightmap) = (Atlas::of_light_map(&after), Atlas::of(&after));
     assert!(light_map.n_charts == lightmap.n_charts && light_map.corners != lightmap.corners);
     let has_receiver = vec![true; (size * size) as usize];

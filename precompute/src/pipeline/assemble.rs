@@ -20,7 +20,7 @@ pub(super) fn stored_blocks(leaves: Vec<LeafTransport>, n_k: usize, position: im
 
 /// Arrays of the file: receivers in the order of leaves and their clusters.
 pub(super) fn assemble(
-    LaidOut { scene, layout, receivers }: &LaidOut,
+    LaidOut { scene, layout, receivers, .. }: &LaidOut,
     settings: &BakeSettings,
     probes: &ProbeSet,
     rays: RelightRays,

@@ -23,18 +23,20 @@ pub struct KeptBake<'a> {
 }
 
 impl<'a> KeptBake<'a> {
-    /// `output` is the baked file, and `scene` where the scene goes, if it is written; `source` is where it was read from.
+    /// `output` is the baked file, and `scene` where the scene goes, if it is written; `source` is where it was read from. `layout`
+    /// tells which layout is kept: the same text, the same layout.
     pub fn of(
         cache: &'a Cache,
         read: &Scene,
         settings: &BakeSettings,
-        output: &'a Path,
-        scene: &'a Path,
+        [output, scene]: [&'a Path; 2],
         source: &str,
+        layout: &str,
     ) -> Self {
         let mut digester = Digester::new("bake");
         code(&mut digester);
         digester.one(read.hash).all(settings.to_toml().as_bytes()).all(source.as_bytes());
+        digester.all(layout.as_bytes());
         for path in [output, scene] {
             digester.all(path.as_os_str().as_encoded_bytes());
         }

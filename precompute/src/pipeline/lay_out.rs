@@ -1,16 +1,19 @@
 //! A scene to a scene with a layout and the receivers on it: as many as were asked for, where the local scale says.
 
+use super::Reuse;
 use super::{
     failures::{placement_error, tree_error, unwrap_error, voxel_error},
+    keep_layout::keep_layout,
     layout_cache::LayoutCache,
 };
 use crate::{
-    cache::Cache,
     error::BakeError,
     lightmap::{
-        Atlas, LayoutReport, ReceiverSet, cut, hidden, receivers, sides,
-        unwrap::{self, LayoutSize, Wanted},
+        Atlas, LayoutReport, ReceiverSet, cut, hidden, receivers,
+        sides::{self, Sides},
+        unwrap::{self, Fineness, LayoutSize, Wanted},
     },
+    plan::{ChartPlan, MeshPlan},
     probes,
     progress::{Cancelled, Progress},
     rays::RayCaster,
@@ -20,6 +23,7 @@ use crate::{
 };
 use glam::Vec3;
 use localprt_scenes::Scene;
+use rayon::prelude::*;
 
 /// Samples of the local scale: one for so many receivers.
 const RECEIVERS_PER_SAMPLE: usize = 4;
@@ -89,7 +93,7 @@ fn local_scale(caster: &RayCaster<'_>, settings: &BakeSettings) -> LocalScale {
 }
 
 /// About the edge of a texel at a place, metres, before the charts are known.
-fn texel_edge<'a>(
+pub(super) fn texel_edge<'a>(
     scale: &'a LocalScale,
     scene: &Scene,
     settings: &BakeSettings,
@@ -106,6 +110,8 @@ pub(super) struct LaidOut {
     pub(super) scene: Scene,
     pub(super) layout: LayoutReport,
     pub(super) receivers: ReceiverSet,
+    /// Whose charts are whose; `None` of a layout that the scene brought.
+    pub(super) charts: Option<ChartPlan>,
 }
 
 impl LaidOut {
@@ -122,58 +128,89 @@ impl LaidOut {
     }
 }
 
-/// The same with a layout that a cache holds, or kept there if it is new.
+/// The same with the layout of an earlier bake where it can be kept, or one that a cache holds; kept there if it is new.
 pub(super) fn lay_out_with(
-    cache: Option<&Cache>,
+    Reuse { cache, previous }: Reuse<'_>,
     scene: &Scene,
     caster: &RayCaster<'_>,
     space: &Space,
     settings: &BakeSettings,
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {
-    let cache = cache.map(|cache| LayoutCache::of(cache, scene, settings));
-    if let Some((scene, layout)) = cache.as_ref().and_then(|cache| cache.find(scene)) {
-        let receivers = place_receivers(&scene, &Atlas::of(&scene), layout.size, progress)?;
-        return Ok(LaidOut { scene, layout, receivers });
+    let reason = match own_layout(scene, settings, progress)? {
+        Ok(laid_out) => return Ok(laid_out),
+        Err(reason) => reason,
+    };
+    if let Some(previous) = previous {
+        match keep_layout(scene, space, previous, settings, progress)? {
+            Some(laid_out) => return Ok(laid_out),
+            None => progress.note(&format!(
+                "the layout of {} cannot be kept: no mesh has charts there, or there is no room for new ones",
+                previous.path.display()
+            )),
+        }
     }
-    let laid_out = lay_out(scene, caster, space, settings, progress)?;
-    if let Some(cache) = cache.filter(|_| !laid_out.layout.kept) {
-        cache.keep(&laid_out.scene, &laid_out.layout);
+    let cache = cache.map(|cache| LayoutCache::of(cache, scene, settings));
+    if let Some((scene, layout, charts)) = cache.as_ref().and_then(|cache| cache.find(scene)) {
+        let receivers = place_receivers(&scene, &Atlas::of(&scene), layout.size, progress)?;
+        return Ok(LaidOut { scene, layout, receivers, charts: Some(charts) });
+    }
+    let laid_out = lay_out(scene, caster, space, settings, reason, progress)?;
+    if let (Some(cache), Some(charts)) = (cache, &laid_out.charts) {
+        cache.keep(&laid_out.scene, &laid_out.layout, charts);
     }
     Ok(laid_out)
 }
 
-fn place_receivers(scene: &Scene, atlas: &Atlas, size: u32, progress: &Progress) -> Result<ReceiverSet, BakeError> {
+/// The scene with its own coordinates, or why they are not usable.
+fn own_layout(
+    scene: &Scene,
+    settings: &BakeSettings,
+    progress: &Progress,
+) -> Result<Result<LaidOut, String>, BakeError> {
+    let texels = {
+        let _stage = progress.stage("unwrap", 0);
+        match unwrap::usable_layout(scene, layout_size(settings)).map_err(unwrap_error)? {
+            Ok(texels) => texels,
+            Err(reason) => return Ok(Err(reason)),
+        }
+    };
+    let atlas = Atlas::of(scene);
+    let receivers = place_receivers(scene, &atlas, texels, progress)?;
+    let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
+    Ok(Ok(LaidOut { scene: scene.clone(), layout, receivers, charts: None }))
+}
+
+fn layout_size(settings: &BakeSettings) -> LayoutSize {
+    LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel }
+}
+
+pub(super) fn place_receivers(
+    scene: &Scene,
+    atlas: &Atlas,
+    size: u32,
+    progress: &Progress,
+) -> Result<ReceiverSet, BakeError> {
     let _stage = progress.stage("receivers", 0);
     let caster = RayCaster::new(scene).map_err(tree_error)?;
     let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
     Ok(receivers::place(scene, atlas, &caster, size, &watch).ok_or(Cancelled)?)
 }
 
-/// The scene with lightmap coordinates and as many receivers as were asked for: its own coordinates if usable, else unwrapped,
-/// with a face for each live side, and faces cut where they need very different densities or where other surfaces stand on them.
+/// The scene with lightmap coordinates and as many receivers as were asked for: unwrapped, with a face for each live side, and faces cut where they need very different densities or where other surfaces stand on them.
 fn lay_out(
-    scene: &Scene,
+    given: &Scene,
     caster: &RayCaster<'_>,
     Space { grid, scale, .. }: &Space,
     settings: &BakeSettings,
+    reason: String,
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {
     let stage = progress.stage("unwrap", 0);
-    let mut size = LayoutSize { texels: settings.receivers, lightmap: settings.lightmap, finest_m: settings.texel };
+    let mut size = layout_size(settings);
     let watch = |_: &str, _: usize, _: usize| !progress.is_cancelled();
-    let reason = match unwrap::usable_layout(scene, size).map_err(unwrap_error)? {
-        Ok(texels) => {
-            drop(stage);
-            let atlas = Atlas::of(scene);
-            let receivers = place_receivers(scene, &atlas, texels, progress)?;
-            let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
-            return Ok(LaidOut { scene: scene.clone(), layout, receivers });
-        }
-        Err(reason) => reason,
-    };
-    let (mut split, back_faces) =
-        sides::split(scene.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
+    let Sides { scene: mut split, parts, back_faces } =
+        sides::split(given.clone(), &|_, mesh, triangle, front| sides::is_live(caster, grid, mesh, triangle, front));
     cut::by_scale(&mut split, scale);
     let edge_m = texel_edge(scale, &split, settings);
     let walls = cut::by_surfaces(&mut split, caster, &edge_m);
@@ -187,17 +224,20 @@ fn lay_out(
         }
     };
     let backend = unwrap::backend(settings.unwrap).map_err(unwrap_error)?;
-    let wanted = Wanted { scale, seen: &seen, hidden: &hidden, walls: &walls, texel_m: &edge_m };
+    let wanted = Wanted { scale, seen: &seen, hidden: &hidden, walls: &walls, texel_m: &edge_m, finest: None };
     let charts = unwrap::charts(&split, wanted, backend.as_ref(), &watch).map_err(unwrap_error)?;
     drop(stage);
-    let split = {
+    let (split, of_light_map) = {
         let _stage = progress.stage("light map", 0);
         charts.lay_out_light_map(split, caster, settings.direct_map, &watch).map_err(unwrap_error)?
     };
+    let meshes: Vec<MeshPlan> =
+        given.meshes.par_iter().zip(parts).map(|(mesh, parts)| MeshPlan::of(given, mesh, parts)).collect();
     let mut best: Option<(f64, LaidOut)> = None;
     for _ in 0..LAYOUTS {
         let stage = progress.stage("layout", 0);
-        let (scene, texels) = charts.lay_out(split.clone(), caster, size, &watch).map_err(unwrap_error)?;
+        let (scene, texels, of_receivers) =
+            charts.lay_out(split.clone(), caster, size, &watch).map_err(unwrap_error)?;
         drop(stage);
         let atlas = Atlas::of(&scene);
         let receivers = place_receivers(&scene, &atlas, texels, progress)?;
@@ -211,7 +251,10 @@ fn lay_out(
             charts: atlas.n_charts,
         };
         if best.as_ref().is_none_or(|best| miss < best.0) {
-            best = Some((miss, LaidOut { scene, layout, receivers }));
+            let fineness =
+                Fineness { finest: charts.finest(), receivers: of_receivers as f32, light_map: of_light_map as f32 };
+            let plan = ChartPlan { fineness, meshes: meshes.clone() };
+            best = Some((miss, LaidOut { scene, layout, receivers, charts: Some(plan) }));
         }
         // Texels inside of geometry and in the holes of masks hold none: as many more are needed. A map or a texel that is given
         // may not allow them.

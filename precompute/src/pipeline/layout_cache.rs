@@ -6,6 +6,7 @@ use crate::{
     cache::{Cache, Packer, Unpacker},
     digest::{Digest, Digester},
     lightmap::LayoutReport,
+    plan::ChartPlan,
     scene_digests::digest_of_scene,
     settings::BakeSettings,
 };
@@ -29,13 +30,13 @@ impl<'a> LayoutCache<'a> {
     }
 
     /// The scene with the kept layout, if there is one.
-    pub(super) fn find(&self, scene: &Scene) -> Option<(Scene, LayoutReport)> {
+    pub(super) fn find(&self, scene: &Scene) -> Option<(Scene, LayoutReport, ChartPlan)> {
         unpack(&self.cache.get(LAYOUT, &self.digest)?, scene)
     }
 
     /// Keeps the layout of a scene.
-    pub(super) fn keep(&self, scene: &Scene, layout: &LayoutReport) {
-        self.cache.put(LAYOUT, &self.digest, &pack(scene, layout));
+    pub(super) fn keep(&self, scene: &Scene, layout: &LayoutReport, charts: &ChartPlan) {
+        self.cache.put(LAYOUT, &self.digest, &pack(scene, layout, charts));
     }
 }
 
@@ -64,7 +65,7 @@ fn of_layout(settings: &BakeSettings) -> BakeSettings {
     }
 }
 
-fn pack(scene: &Scene, layout: &LayoutReport) -> Vec<u8> {
+fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Vec<u8> {
     let LayoutReport { kept: _, reason, back_faces, size, charts } = layout;
     let mut packer = Packer::default();
     packer
@@ -75,6 +76,7 @@ fn pack(scene: &Scene, layout: &LayoutReport) -> Vec<u8> {
             scene.light_map_set.map_or(u64::MAX, |set| set as u64),
         ])
         .put(reason.as_deref().unwrap_or_default().as_bytes())
+        .put(&serde_json::to_vec(plan).expect("numbers and strings"))
         .put(&scene.materials.iter().map(|material| u8::from(material.double_sided)).collect::<Vec<_>>())
         .put(&[scene.meshes.len() as u64]);
     for mesh in &scene.meshes {
@@ -95,11 +97,12 @@ fn pack(scene: &Scene, layout: &LayoutReport) -> Vec<u8> {
     packer.finish()
 }
 
-fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport)> {
+fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport, ChartPlan)> {
     let mut record = Unpacker::new(record);
     let text = |record: &mut Unpacker<'_>| String::from_utf8(record.take()?).ok();
     let [back_faces, size, charts, set]: [u64; 4] = record.take()?.try_into().ok()?;
     let reason = Some(text(&mut record)?).filter(|reason| !reason.is_empty());
+    let plan: ChartPlan = serde_json::from_slice(&record.take::<u8>()?).ok()?;
     let layout = LayoutReport {
         kept: false,
         reason,
@@ -138,13 +141,13 @@ fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport)> {
         return None;
     }
     let light_map_set = (set != u64::MAX).then_some(set as usize);
-    record.is_done().then_some((Scene { meshes, light_map_set, ..scene }, layout))
+    record.is_done().then_some((Scene { meshes, light_map_set, ..scene }, layout, plan))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{cache::CacheOptions, pipeline::bake, progress::Progress};
+    use crate::{cache::CacheOptions, lightmap::unwrap::Fineness, pipeline::bake, plan::MeshPlan, progress::Progress};
     use localprt_scenes::builtin;
 
     #[test]
@@ -164,10 +167,15 @@ mod tests {
         };
         let laid_out = bake(scene.clone(), &settings, &Progress::silent()).expect("bakes").scene;
         let layout = LayoutReport { reason: Some("none".into()), back_faces: 3, size: 64, charts: 9, kept: false };
-        LayoutCache::of(&cache, &scene, &settings).keep(&laid_out, &layout);
-        let (found, report) = LayoutCache::of(&cache, &scene, &settings).find(&scene).expect("kept");
+        let charts = ChartPlan {
+            fineness: Fineness { finest: 0.5, receivers: 11.3, light_map: 1.0 / 3.0 },
+            meshes: scene.meshes.iter().map(|mesh| MeshPlan::of(&scene, mesh, 2)).collect(),
+        };
+        LayoutCache::of(&cache, &scene, &settings).keep(&laid_out, &layout, &charts);
+        let (found, report, plan) = LayoutCache::of(&cache, &scene, &settings).find(&scene).expect("kept");
         assert_eq!(format!("{found:?}"), format!("{laid_out:?}"));
         assert_eq!(format!("{report:?}"), format!("{layout:?}"));
+        assert_eq!(plan, charts);
 
         let is_known =
             |scene: &Scene, settings: &BakeSettings| LayoutCache::of(&cache, scene, settings).find(scene).is_some();

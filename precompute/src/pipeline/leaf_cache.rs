@@ -219,10 +219,11 @@ fn unpack(record: &[u8], members: &[u32], probes: &[u32]) -> Option<LeafTranspor
 
 #[cfg(test)]
 mod tests {
-    use super::super::{bake, bake_with};
+    use super::super::{Reuse, bake, bake_with};
     use super::*;
     use crate::{
         cache::CacheOptions,
+        plan::Previous,
         progress::Progress,
         report::CacheUse,
         settings::{BakeSettings, Density, Transport},
@@ -252,8 +253,12 @@ mod tests {
         scene
     }
 
+    fn reuse(cache: &Cache) -> Reuse<'_> {
+        Reuse { cache: Some(cache), previous: None }
+    }
+
     fn cached(scene: &Scene, settings: &BakeSettings, cache: &Cache) -> (BakedArrays, CacheUse) {
-        let baked = bake_with(scene.clone(), settings, Some(cache), &Progress::silent()).expect("bakes");
+        let baked = bake_with(scene.clone(), settings, reuse(cache), &Progress::silent()).expect("bakes");
         (baked.arrays, baked.report.cache.expect("a cache is used"))
     }
 
@@ -317,7 +322,7 @@ mod tests {
     type Edit = (&'static str, fn(&mut Scene));
 
     /// Each changes something in one of the rooms.
-    fn edits() -> [Edit; 7] {
+    fn edits() -> [Edit; 8] {
         fn of_room(scene: &mut Scene) -> usize {
             // A mesh of the right one gets a material of its own.
             let mesh = scene.meshes.iter_mut().find(|mesh| mesh.name == "right floor").expect("a floor");
@@ -346,6 +351,13 @@ mod tests {
                 let ceiling = scene.meshes.iter_mut().find(|mesh| mesh.name == "right ceiling").expect("a ceiling");
                 ceiling.positions.iter_mut().for_each(|position| position.y -= 0.5);
             }),
+            ("addition", |scene| {
+                let mut lid = scene.meshes.iter().find(|mesh| mesh.name == "right ceiling").expect("a ceiling").clone();
+                let middle = lid.positions.iter().sum::<Vec3>() / lid.positions.len() as f32;
+                lid.positions.iter_mut().for_each(|at| *at = middle + 0.3 * (*at - middle) - 0.7 * Vec3::Y);
+                lid.name = "lid".into();
+                scene.meshes.insert(1, lid);
+            }),
             ("removal", |scene| scene.meshes.retain(|mesh| mesh.name != "right ceiling")),
             ("roughness", |scene| {
                 let material = of_room(scene);
@@ -363,7 +375,8 @@ mod tests {
             let mut edited = scene.clone();
             edit(&mut edited);
             let expected = bake(edited.clone(), &settings, &Progress::silent()).expect("bakes");
-            let found = bake_with(edited.clone(), &settings, Some(&open(&folder)), &Progress::silent()).expect("bakes");
+            let found =
+                bake_with(edited.clone(), &settings, reuse(&open(&folder)), &Progress::silent()).expect("bakes");
             assert!(found.arrays == expected.arrays, "{name}");
             assert_eq!(format!("{:?}", found.scene), format!("{:?}", expected.scene), "{name}");
             let leaves = found.report.cache.expect("a cache is used");
@@ -382,6 +395,58 @@ mod tests {
         }
         // Nothing is lost by it.
         assert_eq!(cached(&scene, &settings, &open(&folder)).1, CacheUse { reused: all, baked: 0 });
+    }
+
+    #[test]
+    fn with_the_layout_kept_an_edit_leaves_the_other_room_alone_and_the_file_is_that_of_a_clean_bake() {
+        // In so small a light map near light depends on all charts: neighbors share its coarse texels.
+        for near_bytes in [0, 32] {
+            after_edits(&BakeSettings { near_bytes, direct_map: 128, ..small() });
+        }
+    }
+
+    fn after_edits(settings: &BakeSettings) {
+        let folder = tempfile::tempdir().expect("folder");
+        let scene = rooms();
+        let cache = open(&folder);
+        let baked = bake_with(scene.clone(), settings, reuse(&cache), &Progress::silent()).expect("bakes");
+        let all = baked.report.cache.expect("a cache is used").baked;
+        let path = folder.path().join("first.lprt");
+        let charts = |scene: &Scene, size: u32| {
+            let mesh = scene.meshes.iter().find(|mesh| mesh.name == "left floor").expect("a floor");
+            (mesh.positions.clone(), mesh.uv_sets[1].iter().map(|uv| *uv * size as f32).collect::<Vec<_>>())
+        };
+        let then = charts(&baked.scene, baked.arrays.metadata.lightmap_size);
+        baked.write(&path, &path.with_extension("glb"), None, &Progress::silent()).expect("writes");
+        let previous = Previous::open(&path.with_extension("glb")).expect("has a plan");
+        let unchanged = bake_with(
+            scene.clone(),
+            settings,
+            Reuse { cache: Some(&cache), previous: Some(&previous) },
+            &Progress::silent(),
+        );
+        assert_eq!(unchanged.expect("bakes").report.cache, Some(CacheUse { reused: all, baked: 0 }));
+        for (name, edit) in edits() {
+            let mut edited = scene.clone();
+            edit(&mut edited);
+            let bake = |cache| {
+                let reuse = Reuse { cache, previous: Some(&previous) };
+                bake_with(edited.clone(), settings, reuse, &Progress::silent()).expect("bakes")
+            };
+            let (expected, found) = (bake(None), bake(Some(&cache)));
+            assert!(found.arrays == expected.arrays, "{name}");
+            assert_eq!(format!("{:?}", found.scene), format!("{:?}", expected.scene), "{name}");
+            let leaves = found.report.cache.expect("a cache is used");
+            match name {
+                "name" | "roughness" => assert_eq!(leaves.baked, 0, "{name}"),
+                "emission" => assert_eq!(leaves.reused, 0, "{name}"),
+                _ if settings.near_bytes > 0 => assert!(leaves.baked > 0, "{name}"),
+                _ => assert!(leaves.baked > 0 && leaves.reused > all / 4, "{name}: {leaves:?} of {all}"),
+            }
+            // Charts of what is as it was are where they were.
+            let now = charts(&found.scene, found.arrays.metadata.lightmap_size);
+            assert!(then.0 == now.0 && then.1.iter().zip(&now.1).all(|(a, b)| a.abs_diff_eq(*b, 1e-3)), "{name}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::{failures::placement_error, lay_out::Space};
 use crate::{
     error::BakeError,
     lightmap::ReceiverSet,
+    plan::Previous,
     probes::{self, PlacementReport, ProbeSet, Support},
     progress::Progress,
     rays::RayCaster,
@@ -23,18 +24,20 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// `volume` is the grid that was asked for.
+    /// `volume` is the grid that was asked for; probes of a `previous` bake stay where they are.
     pub(super) fn of(
         caster: &RayCaster<'_>,
         Space { rho, grid, scale }: Space,
         receivers: &ReceiverSet,
         volume: Option<VolumeGrid>,
+        previous: Option<&Previous>,
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
         let (probes, support, report) = {
             let _stage = progress.stage("probes", 0);
-            probes::place(caster, &grid, rho, &scale, &receivers.position, &receivers.geometric_normal, settings)
+            let kept = previous.map(Previous::probes);
+            probes::place(caster, &grid, rho, &scale, &receivers.position, &receivers.geometric_normal, settings, kept)
                 .map_err(placement_error)?
         };
         let volume = match volume {

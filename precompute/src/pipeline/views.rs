@@ -7,6 +7,7 @@ use crate::{
         Atlas, ChartPyramid, TexelMap,
         texels::{self, ReceiverMap},
     },
+    plan::Previous,
     probe_views::ProbeDirections,
     probes::ProbeSet,
     progress::Progress,
@@ -34,12 +35,13 @@ impl Views {
         atlas: &Atlas,
         LaidOut { layout, receivers, .. }: &LaidOut,
         probes: &ProbeSet,
+        previous: Option<&Previous>,
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
         let prior = (settings.transport == Transport::Fitted).then(|| {
             let _stage = progress.stage("fit", 0);
-            FitPrior::of(caster, atlas, receivers, probes)
+            FitPrior::of(caster, atlas, receivers, probes, previous.and_then(|previous| previous.plan.fit))
         });
         progress.check()?;
         let _stage = progress.stage("relight rays", 0);

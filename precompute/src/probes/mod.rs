@@ -7,6 +7,7 @@
 mod by_scale;
 mod candidates;
 mod coverage;
+mod extend;
 pub(crate) mod point_grid;
 mod radius;
 mod reduce;
@@ -15,6 +16,7 @@ mod tests;
 
 pub use candidates::{Candidates, candidates};
 pub use coverage::{Coverage, SurfaceSample};
+pub use extend::{KeptProbes, Spread};
 pub use radius::{Overlap, support};
 pub use reduce::{Reduction, reduce};
 
@@ -24,6 +26,7 @@ use crate::{
     settings::BakeSettings,
     voxels::{VoxelGrid, grid_points, spacing_for},
 };
+use extend::Places;
 use glam::Vec3;
 use point_grid::PointGrid;
 use rayon::prelude::*;
@@ -101,6 +104,8 @@ pub struct PlacementReport {
     pub unseen_before: f32,
     /// The same after it.
     pub unseen_after: f32,
+    /// How probes are spread.
+    pub spread: Spread,
 }
 
 /// Why no probes could be placed.
@@ -217,6 +222,9 @@ pub fn target_count(bounds: (Vec3, Vec3), rho: f32, settings: &BakeSettings) -> 
 /// total stays what was asked for: thinning stops short by that share, and what the repair does not need goes to the
 /// candidates that thinning removed last. A repair that does not lower the unseen share is undone.
 ///
+/// Probes that are `kept` from an earlier bake stay where they stand in the open, with their radius; others join them only where
+/// there are none around.
+///
 /// # Errors
 ///
 /// By what has to change: the options ([`PlacementError::InvalidOption`], [`PlacementError::TooManyProbes`],
@@ -229,6 +237,7 @@ pub fn place(
     receivers: &[Vec3],
     normals: &[Vec3],
     settings: &BakeSettings,
+    kept: Option<KeptProbes<'_>>,
 ) -> Result<(ProbeSet, Support, PlacementReport), PlacementError> {
     check(settings)?;
     let bounds = caster.scene().bounds().unwrap_or_default();
@@ -236,19 +245,50 @@ pub fn place(
 
     // A spacing given beside a count may have nothing to do with it; placement then follows the count.
     let kernel_m = if settings.probes.is_some() { spacing_for(bounds, target as u32) } else { rho };
-    let (found, spacing) = match scale.spacing(target) {
+    let uneven = match kept {
+        Some(kept) if kept.spread.is_even => None,
+        Some(_) => Some(scale.relative_spacing(target)),
+        None => scale.spacing(target),
+    };
+    let (found, spacing) = match uneven {
         None => {
             let layer = (settings.standoff * kernel_m / grid.voxel_m).round().clamp(1.0, MOST_LAYERS);
             (candidates(grid, caster, target, layer as u8, settings.seed)?, None)
         }
         Some(spacing) => {
             let (found, spacing) = by_scale::candidates(scale, &spacing, grid, caster, target, settings.standoff);
-            if found.positions.is_empty() {
+            if found.positions.is_empty() && kept.is_none() {
                 return Err(PlacementError::NoCandidate { tested: found.rejected, voxel_m: grid.voxel_m });
             }
             (found, Some(spacing))
         }
     };
+    let places = Places { positions: &found.positions, spacing: spacing.as_deref() };
+    let sees = sight(caster, receivers, normals);
+    if let Some(kept) = kept {
+        let positions = places.extend(&kept, caster, grid, MAX_PROBES as usize);
+        let given = positions.len();
+        if given == 0 {
+            return Err(PlacementError::NoCandidate { tested: kept.positions.len(), voxel_m: grid.voxel_m });
+        }
+        let (probes, support, overlap) = support(receivers, &positions, &sees, settings, Some(kept.radius_m))?;
+        let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
+        let unseen = coverage.unseen_share(&probes, &support);
+        let report = PlacementReport {
+            spacing_m: rho,
+            voxel_m: grid.voxel_m,
+            target,
+            candidates: found.positions.len(),
+            rejected: found.rejected,
+            coverage_samples: coverage.samples.len(),
+            unseen_before: unseen,
+            unseen_after: unseen,
+            overlap: (overlap.mean, overlap.least, overlap.most),
+            spread: kept.spread,
+            repaired: 0,
+        };
+        return Ok((probes, support, report));
+    }
     // Of the candidates at these indices.
     let thin = |indices: &[u32], count: usize| {
         let positions: Vec<Vec3> = indices.iter().map(|&index| found.positions[index as usize]).collect();
@@ -264,7 +304,6 @@ pub fn place(
     let exact = settings.probes.is_some();
     let all: Vec<u32> = (0..found.positions.len() as u32).collect();
     let thinned = thin(&all, target);
-    let sees = sight(caster, receivers, normals);
     let plain = placement(&found.positions, &thinned.kept, receivers, &sees, settings)?;
 
     let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
@@ -302,10 +341,12 @@ pub fn place(
     }
     let (probes, support, overlap) = best;
     report.overlap = (overlap.mean, overlap.least, overlap.most);
+    report.spread = places.spread(caster, &probes.positions);
     Ok((probes, support, report))
 }
 
-/// Links receivers to probes at given places, as [`place`] does with those that it finds.
+/// Links receivers to probes at given places, and with a given radius or the one that their overlap asks for, as [`place`] does with
+/// those that it finds.
 ///
 /// # Errors
 ///
@@ -316,9 +357,10 @@ pub fn link(
     receivers: &[Vec3],
     normals: &[Vec3],
     settings: &BakeSettings,
+    radius_m: Option<f32>,
 ) -> Result<(ProbeSet, Support), PlacementError> {
     check(settings)?;
-    let (probes, support, _) = support(receivers, probes, &sight(caster, receivers, normals), settings)?;
+    let (probes, support, _) = support(receivers, probes, &sight(caster, receivers, normals), settings, radius_m)?;
     Ok((probes, support))
 }
 
@@ -343,7 +385,7 @@ fn placement(
     settings: &BakeSettings,
 ) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
     let positions: Vec<Vec3> = chosen.iter().map(|&index| candidates[index as usize]).collect();
-    support(receivers, &positions, sees, settings)
+    support(receivers, &positions, sees, settings, None)
 }
 
 fn check(settings: &BakeSettings) -> Result<(), PlacementError> {

@@ -33,7 +33,7 @@ pub struct Overlap {
 /// distance to that many. One that sees no probe within r uses 1.05 times the distance to the nearest that it sees, looked
 /// for up to 1.5 times the distance that completes the overlap: the nearest probes of a corner may all stand behind its
 /// walls, and would leave it black. (Not so if `settings.min_overlap` is 0.) With no more probes than the overlap asked
-/// for, r holds all of them for every receiver.
+/// for, r holds all of them for every receiver. A radius that is given is r.
 ///
 /// # Errors
 ///
@@ -43,6 +43,7 @@ pub fn support(
     probes: &[Vec3],
     sees: &(dyn Fn(usize, Vec3) -> bool + Sync),
     settings: &BakeSettings,
+    given_m: Option<f32>,
 ) -> Result<(ProbeSet, Support, Overlap), PlacementError> {
     if receivers.is_empty() {
         return Err(PlacementError::NoReceivers);
@@ -68,7 +69,9 @@ pub fn support(
         })
         .unzip();
     let links = Links { grid: &grid, receivers, least_m: &least_m };
-    let radius_m = if asked >= probes.len() as f64 {
+    let radius_m = if let Some(radius_m) = given_m {
+        radius_m
+    } else if asked >= probes.len() as f64 {
         // Rank `typical` is the farthest probe here.
         BEYOND * typical_m.iter().copied().fold(0.0, f32::max)
     } else {

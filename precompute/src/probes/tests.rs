@@ -21,7 +21,7 @@ fn run(scene: &Scene, receivers: usize, settings: &BakeSettings) -> Result<Place
     let rho = spacing(scene.bounds().unwrap(), settings);
     let grid = VoxelGrid::build(scene, &caster, rho, f32::INFINITY, settings).unwrap();
     let (points, normals) = surface_points(scene, receivers);
-    place(&caster, &grid, rho, &LocalScale::uniform(), &points, &normals, settings)
+    place(&caster, &grid, rho, &LocalScale::uniform(), &points, &normals, settings, None)
 }
 
 fn exactly(probes: u32) -> BakeSettings {
@@ -212,7 +212,7 @@ fn the_radius_gives_ten_probes_on_average_and_three_to_everyone() {
     let mut receivers = random_points(5000, 10.0);
     // A far corner that would have none.
     receivers.extend((0..50).map(|index| Vec3::splat(30.0 + index as f32)));
-    let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
+    let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default(), None).unwrap();
     // The search ends within 0.01 unless a step of the count is in the way; steps here are 1 / 5050.
     assert!((overlap.mean - 10.0).abs() <= 0.011, "{overlap:?}");
     assert_eq!(overlap.least, 3);
@@ -226,7 +226,7 @@ fn the_radius_gives_ten_probes_on_average_and_three_to_everyone() {
     }
     for asked in [1.0, 4.5, 60.0] {
         let settings = BakeSettings { overlap: asked, min_overlap: 0, ..Default::default() };
-        let overlap = support(&receivers, &probes, &|_, _| true, &settings).unwrap().2;
+        let overlap = support(&receivers, &probes, &|_, _| true, &settings, None).unwrap().2;
         assert!((overlap.mean - asked).abs() <= 0.3, "asked for {asked}: {overlap:?}");
     }
 }
@@ -236,21 +236,22 @@ fn few_probes_support_everyone() {
     let receivers = random_points(500, 4.0);
     for count in [1, 2, 9, 10] {
         let probes = random_points(count, 4.0);
-        let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default()).unwrap();
+        let (set, links, overlap) = support(&receivers, &probes, &|_, _| true, &BakeSettings::default(), None).unwrap();
         assert_eq!((overlap.least, overlap.most), (count as u32, count as u32));
         assert!(links.radius_m.iter().all(|&radius| radius == set.radius_m && radius.is_finite()));
     }
     // A probe on the only receiver is still one of its probes.
-    let (_, links, _) = support(&[Vec3::ONE], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap();
+    let (_, links, _) = support(&[Vec3::ONE], &[Vec3::ONE], &|_, _| true, &BakeSettings::default(), None).unwrap();
     assert_eq!(links.of(0), [0]);
-    let error = support(&[], &[Vec3::ONE], &|_, _| true, &BakeSettings::default()).unwrap_err();
+    let error = support(&[], &[Vec3::ONE], &|_, _| true, &BakeSettings::default(), None).unwrap_err();
     assert_eq!(error, PlacementError::NoReceivers);
 }
 
 #[test]
 fn a_minimum_above_the_overlap_wins() {
     let settings = BakeSettings { overlap: 2.0, min_overlap: 6, ..Default::default() };
-    let (_, _, overlap) = support(&random_points(300, 1.0), &random_points(100, 1.0), &|_, _| true, &settings).unwrap();
+    let (_, _, overlap) =
+        support(&random_points(300, 1.0), &random_points(100, 1.0), &|_, _| true, &settings, None).unwrap();
     // 1.05 times the sixth distance holds 1.05^3 = 1.16 times 6 probes at even density, at most.
     assert!(overlap.least >= 6 && overlap.mean < 7.5, "{overlap:?}");
 }
@@ -328,7 +329,7 @@ fn coverage_of_one_probe_is_what_it_sees() {
     let coverage = Coverage::sample(&caster, &receivers, &normals, 0);
     assert_eq!(coverage.samples.len(), 32 * receivers.len());
     let share = |probe: Vec3| {
-        let (set, links, _) = support(&receivers, &[probe], &|_, _| true, &BakeSettings::default()).unwrap();
+        let (set, links, _) = support(&receivers, &[probe], &|_, _| true, &BakeSettings::default(), None).unwrap();
         coverage.unseen_share(&set, &links)
     };
     assert_eq!(share(Vec3::new(0.3, 1.7, 1.1)), 0.0);
@@ -402,6 +403,7 @@ fn what_cannot_be_placed_is_named() {
     assert!(matches!(error, PlacementError::NoOpenSpace { .. }), "{error}");
     let caster = RayCaster::new(&closed).unwrap();
     let grid = VoxelGrid::build(&closed, &caster, 0.5, f32::INFINITY, &BakeSettings::default()).unwrap();
-    let error = place(&caster, &grid, 0.5, &LocalScale::uniform(), &[], &[], &BakeSettings::default()).unwrap_err();
+    let error =
+        place(&caster, &grid, 0.5, &LocalScale::uniform(), &[], &[], &BakeSettings::default(), None).unwrap_err();
     assert_eq!(error, PlacementError::NoReceivers);
 }

@@ -215,18 +215,23 @@ impl LocalScale {
     /// `[n_samples]` what the distance between so many probes is in proportion to (S1) near each sample, less within a focus; `None` if
     /// they are as well spread evenly: of what is seen, nine tenths ask for spacings within a factor.
     pub fn spacing(&self, probes: usize) -> Option<Vec<f32>> {
-        let finest_m = self.closest(probes);
-        let spacing = |sample: &Sample| {
-            let scale_m = self.at(sample.position).max(finest_m);
-            scale_m.powf(POWERS[0]) * sample.seen.powf(POWERS[1]) / self.focus(sample.position)
-        };
-        let spacing: Vec<f32> = self.samples.iter().map(spacing).collect();
+        let spacing = self.relative_spacing(probes);
         let of_seen = || {
             let seen = self.samples.iter().map(|sample| f64::from(sample.area_m2) * f64::from(sample.seen));
             spacing.iter().copied().zip(seen)
         };
         let [close, far] = [0.05, 0.95].map(|share| weighted_quantile(of_seen(), share));
         (far? >= MOST_EVEN * close?).then_some(spacing)
+    }
+
+    /// The same, however even.
+    pub fn relative_spacing(&self, probes: usize) -> Vec<f32> {
+        let finest_m = self.closest(probes);
+        let spacing = |sample: &Sample| {
+            let scale_m = self.at(sample.position).max(finest_m);
+            scale_m.powf(POWERS[0]) * sample.seen.powf(POWERS[1]) / self.focus(sample.position)
+        };
+        self.samples.iter().map(spacing).collect()
     }
 
     /// How much finer a focus makes texels: fading over its own radius.

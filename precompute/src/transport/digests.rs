@@ -206,17 +206,16 @@ pub(super) struct Texels {
     high: [u32; 2],
 }
 
-/// Texels of a map of `size` that a bilinear lookup in a part of a face reads, and `margin` texels around; the part is given by the
-/// barycentrics of its corners.
-pub(super) fn texels_around(corners: &[Vec2; 3], part: &[Vec3], size: u32, margin: u32) -> Texels {
+/// Texels of a map of `size` within `reach` texels of a part of a face, which is given by the barycentrics of its corners. A bilinear
+/// lookup reads those within half a texel.
+pub(super) fn texels_around(corners: &[Vec2; 3], part: &[Vec3], size: u32, reach: f32) -> Texels {
     let places = part.iter().map(|weights| corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z);
     let (low, high) =
         places.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
     let texel = |place: f32, step: f32| ((place * size as f32 + step).floor().max(0.0) as u32).min(size - 1);
-    let margin = margin as f32 + 1.0;
     Texels {
-        low: low.to_array().map(|place| texel(place, -margin)),
-        high: high.to_array().map(|place| texel(place, margin)),
+        low: low.to_array().map(|place| texel(place, -reach)),
+        high: high.to_array().map(|place| texel(place, reach)),
     }
 }
 
@@ -288,10 +287,10 @@ mod tests {
     #[test]
     fn texels_around_a_part_are_those_of_its_lookups_and_a_margin() {
         let corners = [Vec2::ZERO, Vec2::X, Vec2::Y];
-        let whole = texels_around(&corners, &[Vec3::X, Vec3::Y, Vec3::Z], 8, 0);
+        let whole = texels_around(&corners, &[Vec3::X, Vec3::Y, Vec3::Z], 8, 1.0);
         assert_eq!(whole, Texels { low: [0, 0], high: [7, 7] });
-        // A point at (0.5, 0.25): texel (4, 2), those beside it that a bilinear lookup reads, and one more.
-        let point = texels_around(&corners, &[Vec3::new(0.25, 0.5, 0.25)], 8, 1);
+        // A point at (0.5, 0.25): texel (4, 2), and two to each side.
+        let point = texels_around(&corners, &[Vec3::new(0.25, 0.5, 0.25)], 8, 2.0);
         assert_eq!(point, Texels { low: [2, 0], high: [6, 4] });
         assert_eq!(point.above(1), Texels { low: [1, 0], high: [3, 2] });
         assert_eq!(point.above(1).rows(4).collect::<Vec<_>>(), [1..4, 5..8, 9..12]);

@@ -19,7 +19,7 @@ mod tests;
 mod traced;
 
 pub use digests::CellContents;
-pub use fit::{FitPrior, FitScene, LeafFit};
+pub use fit::{FitConstants, FitPrior, FitScene, LeafFit};
 pub use gather::{Domain, GatherRay, GatherSet};
 pub use kernel::Links;
 use kernel::LookUps;

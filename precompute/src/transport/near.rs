@@ -139,6 +139,16 @@ impl NearField {
         Self { least, ..self }
     }
 
+    /// The same with the least gain of an earlier bake.
+    pub fn with_least_gain(self, least: f32) -> Self {
+        Self { least, ..self }
+    }
+
+    /// Nodes of less gain than this are left to the probes.
+    pub fn least_gain(&self) -> f32 {
+        self.least
+    }
+
     /// Takes in what all leaves read it with alike.
     pub(super) fn digest(&self, digester: &mut Digester) {
         digester.one(self.least).one(self.charts.size());
@@ -153,13 +163,14 @@ impl NearField {
     pub(super) fn digest_of_face(&self, face: FaceId, part: &[Vec3], digester: &mut Digester) {
         let (corners, chart) = (self.atlas.corners[face.0 as usize], self.atlas.chart[face.0 as usize]);
         digester.all(&corners);
-        let texels = texels_around(&corners, part, self.charts.size(), NEAREST_TEXEL + 1);
+        let texels = texels_around(&corners, part, self.charts.size(), NEAREST_TEXEL as f32 + 2.0);
         for level in 0..self.charts.n_levels() {
             let size = self.charts.level_size(level);
             for row in texels.above(level).rows(size) {
                 let state = |texel: usize| {
                     let is_own = self.charts.is_of(level, texel as u32 % size, texel as u32 / size, chart);
-                    u8::from(is_own) | u8::from(self.pieces.is_one(level, texel as u32)) << 1
+                    // Nobody asks for the pieces of other charts' texels.
+                    u8::from(is_own) | u8::from(is_own && self.pieces.is_one(level, texel as u32)) << 1
                 };
                 digester.all(&row.map(state).collect::<Vec<_>>());
             }

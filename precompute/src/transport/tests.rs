@@ -98,8 +98,8 @@ impl Setup {
         let members: Vec<u32> = (0..self.receivers.len() as u32).collect();
         let [probe_basis, sky_basis] = degrees.map(sh::Basis::new);
         let atlas = Atlas::default();
-        let fit =
-            fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, RELIGHT_RAYS, &probe_basis));
+        let directions = crate::probe_views::ProbeDirections::new(RELIGHT_RAYS, &probe_basis);
+        let fit = fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, &directions, None));
         let transport = TransportScene {
             caster: &caster,
             receivers: match self.receivers.normal.iter().all(|normal| *normal == Vec3::ZERO) {

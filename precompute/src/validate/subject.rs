@@ -8,6 +8,8 @@ use crate::{
     clusters::leaves,
     error::BakeError,
     lightmap::{Atlas, ReceiverSet, receivers, texels, texels::ReceiverMap},
+    plan::BakePlan,
+    probe_views::ProbeDirections,
     probes::{self, ProbeSet, Support},
     progress::{Cancelled, Progress},
     rays::RayCaster,
@@ -86,11 +88,13 @@ impl<'a> Subject<'a> {
             let count = view.receiver_texel.len();
             return Err(does_not_fit(&format!("{strays} of its {count} receivers stand elsewhere on this scene")));
         }
-        let positions: Vec<Vec3> = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
-        let (probes, support) = probes::link(caster, &positions, &placed.position, &placed.geometric_normal, &settings)
-            .map_err(|error| does_not_fit(&error.to_string()))?;
+        let plan = BakePlan::of_file(view.plan);
         let stored_m = view.probes.first().map_or(0.0, |probe| probe.support_radius_m);
-        // The search ends on the same radius for the same receivers and probes.
+        let positions: Vec<Vec3> = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
+        let (normals, given_m) = (&placed.geometric_normal, plan.as_ref().map(|_| stored_m));
+        let (probes, support) = probes::link(caster, &positions, &placed.position, normals, &settings, given_m)
+            .map_err(|error| does_not_fit(&error.to_string()))?;
+        // Of a file without a plan the search ends on the same radius for the same receivers and probes.
         if (probes.radius_m - stored_m).abs() > 1e-5 * stored_m {
             return Err(does_not_fit(&format!("its support radius is {stored_m} m, not {} m", probes.radius_m)));
         }
@@ -105,9 +109,14 @@ impl<'a> Subject<'a> {
         let probe_basis = sh::Basis::new(metadata.probe_degree);
         let fit = match settings.transport {
             Transport::Paper => None,
-            Transport::Fitted => Some(FitScene::new(caster, &atlas, &placed, &probes, metadata.n_rays, &probe_basis)),
+            Transport::Fitted => {
+                let directions = ProbeDirections::new(metadata.n_rays, &probe_basis);
+                let constants = plan.as_ref().and_then(|plan| plan.fit);
+                Some(FitScene::new(caster, &atlas, &placed, &probes, &directions, constants))
+            }
         };
-        let leaves = leaves(&placed.position, settings.leaf as usize);
+        let planes = plan.as_ref().map(|plan| &plan.leaves);
+        let (leaves, _) = leaves(&placed.position, settings.leaf as usize, planes);
         let mut leaf_of = vec![0; placed.len()];
         for (index, members) in leaves.iter().enumerate() {
             members.iter().for_each(|&member| leaf_of[member as usize] = index as u32);
@@ -133,12 +142,12 @@ impl<'a> Subject<'a> {
             leaves,
             leaf_of,
         };
-        subject.near = subject.near_field();
+        subject.near = subject.near_field(plan.and_then(|plan| plan.near_least_gain));
         Ok(subject)
     }
 
     /// What the receivers read near light from; `None` if they read none.
-    fn near_field(&self) -> Option<NearField> {
+    fn near_field(&self, least_gain: Option<f32>) -> Option<NearField> {
         let bytes = self.settings.near_bytes_in_force().filter(|_| self.checked.has_near_light())?;
         let scene = self.caster.scene();
         let light_map = Atlas::of_light_map(scene);
@@ -147,7 +156,10 @@ impl<'a> Subject<'a> {
         let receivers = ReceiverMap { atlas: &self.atlas, size, has_receiver: &has_receiver };
         let (direct, _) = texels::cover_visible(scene, &light_map, self.view.metadata.direct_size, &receivers);
         let field = NearField::new(self.caster, light_map, &direct, &self.probes, &self.support);
-        Some(field.within(bytes, &self.transport()))
+        Some(match least_gain {
+            Some(least) => field.with_least_gain(least),
+            None => field.within(bytes, &self.transport()),
+        })
     }
 
     /// Number of receivers.

@@ -38,6 +38,12 @@ impl Walls {
         self.edges.get(mesh).is_some_and(|edges| !edges.is_empty() && edges.contains(&key(ends)))
     }
 
+    /// Those of some of the meshes, in their order.
+    pub fn of_meshes(self, is_one: &[bool]) -> Self {
+        let of_one = self.edges.into_iter().zip(is_one).filter(|(_, is_one)| **is_one);
+        Self { edges: of_one.map(|(edges, _)| edges).collect() }
+    }
+
     /// Number of such edges.
     pub fn len(&self) -> usize {
         self.edges.iter().map(HashSet::len).sum()

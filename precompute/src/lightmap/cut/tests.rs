@@ -136,10 +136,10 @@ fn charts_of_floor(before: &Scene) -> Vec<(Vec3, u32)> {
     let walls = by_surfaces(&mut after, &caster, &|_| TEXEL_M);
     let backend = unwrap::backend(UnwrapBackend::Uvunwrap).unwrap();
     let (scale, seen) = (LocalScale::uniform(), Seen::default());
-    let wanted = Wanted { scale: &scale, seen: &seen, hidden: &[], walls: &walls, texel_m: &|_| TEXEL_M };
+    let wanted = Wanted { scale: &scale, seen: &seen, hidden: &[], walls: &walls, texel_m: &|_| TEXEL_M, finest: None };
     let charts = unwrap::charts(&after, wanted, backend.as_ref(), &|_, _, _| true).unwrap();
     let size = LayoutSize { texels: 1 << 20, lightmap: None, finest_m: Some(TEXEL_M) };
-    let (laid_out, texels) = charts.lay_out(after, &caster, size, &|_, _, _| true).unwrap();
+    let (laid_out, texels, _) = charts.lay_out(after, &caster, size, &|_, _, _| true).unwrap();
     let caster = RayCaster::new(&laid_out).unwrap();
     let receivers = receivers::place(&laid_out, &Atlas::of(&laid_out), &caster, texels, &|_, _, _| true).unwrap();
     (0..receivers.len())

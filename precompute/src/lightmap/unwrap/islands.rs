@@ -56,6 +56,8 @@ pub struct Wanted<'a> {
     pub walls: &'a Walls,
     /// About the edge of a texel at a place, metres.
     pub texel_m: &'a (dyn Fn(Vec3) -> f32 + Sync),
+    /// What the edge of a texel is in proportion to where it is finest; absent: as the charts are.
+    pub finest: Option<f32>,
 }
 
 /// Charts of all pieces; `kept` gives the triangle of its mesh of each triangle of a piece.

@@ -5,7 +5,8 @@
 //! link and a bolt would otherwise fill the map with their borders.
 
 use super::{
-    LayoutSize, MAX_SIZE, MIN_SIZE, Piece, Progress, UnwrapError, Unwrapped,
+    LayoutSize, MAX_SIZE, MIN_SIZE, PADDING, Piece, Progress, UnwrapError, Unwrapped,
+    beside::{FreeTexels, pack_beside},
     islands::{self, Island, Wanted},
     pieces,
     uv_unwrap::{FlatChart, Packed, pack},
@@ -15,9 +16,10 @@ use crate::{
     scale::{RANGE, weighted_quantile},
 };
 use glam::{IVec3, Vec2};
-use localprt_scenes::Scene;
+use localprt_scenes::{Mesh, Scene};
 use localprt_surfaces::atlas::{LIGHTMAP_SET, raster::Footprint};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Charts of fewer texels than this are joined.
@@ -42,6 +44,22 @@ const FEW_CHARTS: usize = 1000;
 const COARSER: f64 = 4.0;
 /// Charts of more texels than this are never joined.
 const MOST_JOINED: f64 = 1e9;
+/// A map grows by this share where charts beside others do not fit...
+const GROWTH: f64 = 0.03;
+/// ...or, where it may not, they are this much coarser, so many times.
+const COARSER_BESIDE: f64 = 0.7;
+const MOST_COARSER: u32 = 6;
+
+/// How fine the charts of a layout are: enough to make others that are as fine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fineness {
+    /// What the edge of a texel is in proportion to (S1), where it is finest.
+    pub finest: f32,
+    /// Texels per metre there, in the receiver map.
+    pub receivers: f32,
+    /// The same in the light map.
+    pub light_map: f32,
+}
 
 /// Charts of a scene, ready to be packed at any density.
 pub struct Charts {
@@ -49,6 +67,24 @@ pub struct Charts {
     /// Triangle of its mesh of each triangle of a piece.
     kept: Vec<Vec<u32>>,
     islands: Vec<Island>,
+    finest: f32,
+}
+
+/// Where charts go beside others.
+#[derive(Clone, Copy)]
+pub struct Beside<'a> {
+    /// Meshes that have charts.
+    pub others: &'a [Mesh],
+    /// TEXCOORD set of the map.
+    pub set: usize,
+    /// Texels per side.
+    pub size: u32,
+    /// Texels per metre where they are finest.
+    pub density: f64,
+    /// Edge of the finest texel, metres, if it was given.
+    pub finest_m: Option<f32>,
+    /// The map may grow.
+    pub may_grow: bool,
 }
 
 /// A layout of the charts, in texels.
@@ -57,6 +93,8 @@ struct Plan {
     corners: Vec<Vec<Option<[Vec2; 3]>>>,
     /// Map size, texels per side.
     size: u32,
+    /// Texels per metre where they are finest.
+    density: f64,
 }
 
 /// What charts become at one density.
@@ -86,7 +124,10 @@ impl Charts {
         wanted: Wanted<'_>,
     ) -> Self {
         let mut islands = islands::islands(scene, &pieces, &kept, flat, wanted);
-        limit_range(&mut islands);
+        let finest = wanted.finest.unwrap_or_else(|| finest(&islands));
+        for island in &mut islands {
+            island.texel = (island.texel / finest).clamp(1.0, RANGE);
+        }
         for island in &mut islands {
             let wish = scene.meshes[island.mesh].lightmap;
             island.texel /= wish.texel_scale;
@@ -95,7 +136,12 @@ impl Charts {
                 island.texel *= RANGE;
             }
         }
-        Self { pieces, kept, islands }
+        Self { pieces, kept, islands, finest }
+    }
+
+    /// What the edge of a texel is in proportion to (S1), where it is finest.
+    pub fn finest(&self) -> f32 {
+        self.finest
     }
 
     /// Number of charts before small ones are joined.
@@ -108,8 +154,8 @@ impl Charts {
         self.islands.is_empty()
     }
 
-    /// `scene`, whose charts these are, with lightmap coordinates, and the size of its map in texels per side. `caster` tells which
-    /// small charts see each other: it holds the same surfaces, cut into faces as finely or not.
+    /// `scene`, whose charts these are, with lightmap coordinates, the size of its map in texels per side, and texels per metre where
+    /// they are finest. `caster` tells which small charts see each other: it holds the same surfaces, cut into faces as finely or not.
     ///
     /// # Errors
     /// [`UnwrapError::TooManyCharts`] where not even joined charts fit the map, or [`UnwrapError::Cancelled`].
@@ -119,15 +165,15 @@ impl Charts {
         caster: &RayCaster<'_>,
         size: LayoutSize,
         progress: Progress,
-    ) -> Result<(Scene, u32), UnwrapError> {
+    ) -> Result<(Scene, u32, f64), UnwrapError> {
         if self.islands.is_empty() {
             let texels = size.lightmap.unwrap_or(MIN_SIZE);
-            let empty = self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect();
-            return Ok((pieces::apply(scene, &Unwrapped { corners: empty }, &self.kept, texels, LIGHTMAP_SET), texels));
+            let scene = pieces::apply(scene, &self.nothing(), &self.kept, texels, LIGHTMAP_SET);
+            return Ok((scene, texels, 1.0));
         }
         let plan = self.joined_until_they_fit(|least_texels| self.plan(caster, size, least_texels, progress))?;
         let unwrapped = Unwrapped { corners: plan.corners };
-        Ok((pieces::apply(scene, &unwrapped, &self.kept, plan.size, LIGHTMAP_SET), plan.size))
+        Ok((pieces::apply(scene, &unwrapped, &self.kept, plan.size, LIGHTMAP_SET), plan.size, plan.density))
     }
 
     /// `scene` with coordinates for a direct light map of its own: the charts as large as they fit a map of `texels` per side.
@@ -140,15 +186,64 @@ impl Charts {
         caster: &RayCaster<'_>,
         texels: u32,
         progress: Progress,
-    ) -> Result<Scene, UnwrapError> {
+    ) -> Result<(Scene, f64), UnwrapError> {
         if self.islands.is_empty() || !(MIN_SIZE..=MAX_SIZE).contains(&texels) {
-            return Ok(scene);
+            return Ok((scene, 1.0));
         }
         let used = scene.meshes.iter().map(|mesh| mesh.uv_sets.len()).max().unwrap_or_default();
         let set = scene.light_map_set.unwrap_or(used.max(LIGHTMAP_SET + 1));
         let plan = self.joined_until_they_fit(|least_texels| self.plan_full(caster, texels, least_texels, progress))?;
         scene.light_map_set = Some(set);
-        Ok(pieces::apply(scene, &Unwrapped { corners: plan.corners }, &self.kept, plan.size, set))
+        let scene = pieces::apply(scene, &Unwrapped { corners: plan.corners }, &self.kept, plan.size, set);
+        Ok((scene, plan.density))
+    }
+
+    /// `scene`, whose charts these are, with coordinates in a map of `size` texels per side that other meshes have charts in: at a
+    /// density of so many texels per metre where they are finest. The map grows where it `may_grow`, else the charts are coarser.
+    /// With the size of the map.
+    ///
+    /// # Errors
+    /// [`UnwrapError::TooManyCharts`] where they fit no map, or [`UnwrapError::Cancelled`].
+    pub fn lay_out_beside(
+        &self,
+        scene: Scene,
+        caster: &RayCaster<'_>,
+        beside: Beside<'_>,
+        progress: Progress,
+    ) -> Result<(Scene, u32), UnwrapError> {
+        let Beside { others, set, mut size, mut density, finest_m, may_grow } = beside;
+        let corners = || {
+            others.iter().flat_map(|mesh| {
+                let uv = mesh.uv_set(set).unwrap_or_default();
+                mesh.triangles.iter().filter_map(|triangle| {
+                    let [a, b, c] = triangle.map(|vertex| uv.get(vertex as usize).copied());
+                    Some([a?, b?, c?])
+                })
+            })
+        };
+        let first = size;
+        let mut tries = 0;
+        loop {
+            let dealt = self.deal(caster, density, finest_m, LEAST_TEXELS);
+            let zoom = first as f32 / size as f32;
+            let free = FreeTexels::of(size, corners().map(|uv| uv.map(|uv| uv * zoom)), PADDING);
+            if let Some(packed) = pack_beside(&dealt.charts, free, PADDING, progress)? {
+                let unwrapped = Unwrapped { corners: self.spread(&dealt, &packed) };
+                return Ok((pieces::apply(scene, &unwrapped, &self.kept, size, set), size));
+            }
+            tries += 1;
+            if may_grow && size < MAX_SIZE {
+                size = ((f64::from(size) * (1.0 + GROWTH)) as u32 + 1).div_ceil(4).saturating_mul(4).min(MAX_SIZE);
+            } else if tries < MOST_COARSER {
+                density *= COARSER_BESIDE;
+            } else {
+                return Err(UnwrapError::TooManyCharts { charts: dealt.charts.len() as u32, texels: size });
+            }
+        }
+    }
+
+    fn nothing(&self) -> Unwrapped {
+        Unwrapped { corners: self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect() }
     }
 
     /// A plan, with charts joined more coarsely where they are too many for the map.
@@ -173,7 +268,8 @@ impl Charts {
         let density = (LIGHT_MAP_USED * f64::from(texels).powi(2) / self.demand().max(f64::MIN_POSITIVE)).sqrt();
         let dealt = self.deal(caster, density, None, least_texels);
         let packed = pack(&dealt.charts, Some(texels), true, progress)?;
-        Ok(Plan { corners: self.spread(&dealt, &packed), size: texels })
+        let density = density * zoom(&dealt.charts, &packed);
+        Ok(Plan { corners: self.spread(&dealt, &packed), size: texels, density })
     }
 
     /// Texels where there is one per metre where they are finest.
@@ -223,7 +319,8 @@ impl Charts {
             packed = pack(&dealt.charts, Some(cap), true, progress)?;
         }
         let needed = packed.extent[0].max(packed.extent[1]).max(MIN_SIZE).div_ceil(4) * 4;
-        Ok(Plan { corners: self.spread(&dealt, &packed), size: size.lightmap.unwrap_or(needed.min(cap)) })
+        let density = density * zoom(&dealt.charts, &packed);
+        Ok(Plan { corners: self.spread(&dealt, &packed), size: size.lightmap.unwrap_or(needed.min(cap)), density })
     }
 
     /// The charts at a density: texels per metre where they are finest.
@@ -318,13 +415,21 @@ impl Charts {
     }
 }
 
-/// Brings texels within [`RANGE`] of the finest: that of the fiftieth of all texels that are finest.
-fn limit_range(islands: &mut [Island]) {
+/// Texels come within [`RANGE`] of the finest: that of the fiftieth of all texels that are finest.
+fn finest(islands: &[Island]) -> f32 {
     let texels = islands.iter().map(|island| (island.texel, island.area_m2 / f64::from(island.texel).powi(2)));
-    let Some(finest) = weighted_quantile(texels, FINEST_SHARE) else { return };
-    for island in islands {
-        island.texel = (island.texel / finest).clamp(1.0, RANGE);
-    }
+    weighted_quantile(texels, FINEST_SHARE).unwrap_or(1.0)
+}
+
+/// How much finer charts were packed than at their densities.
+fn zoom(charts: &[FlatChart], packed: &Packed) -> f64 {
+    let area = |[a, b, c]: [Vec2; 3]| f64::from((b - a).perp_dot(c - a).abs());
+    let flat: f64 = charts
+        .iter()
+        .map(|chart| chart.corners.iter().map(|corners| area(*corners)).sum::<f64>() * f64::from(chart.density).powi(2))
+        .sum();
+    let placed: f64 = packed.corners.iter().flatten().flatten().map(|corners| area(*corners)).sum();
+    if flat > 0.0 && placed > 0.0 { (placed / flat).sqrt() } else { 1.0 }
 }
 
 /// The next density to try for a number of texels: along the line, in logarithms, through the two tries around it.

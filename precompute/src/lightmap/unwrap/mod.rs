@@ -5,6 +5,7 @@
 //! order; vertices are copied along chart borders.
 
 mod authored;
+mod beside;
 mod error;
 mod islands;
 mod joining;
@@ -16,7 +17,8 @@ pub mod xatlas;
 pub use authored::usable_layout;
 pub use error::UnwrapError;
 pub use islands::Wanted;
-pub use layout::Charts;
+pub use layout::{Beside, Charts, Fineness};
+pub use pieces::on_another_map;
 pub use uv_unwrap::UvUnwrap;
 pub use xatlas::{XatlasChild, xatlas_child_main};
 

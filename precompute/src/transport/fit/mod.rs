@@ -52,10 +52,10 @@ use crate::{
 };
 use field::Modes;
 use glam::Vec3;
-use localprt_formats::sh;
 use localprt_scenes::{FaceId, Lighting, SurfaceShading};
 use openness::Openness;
 use patches::{Cut, Patches};
+use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
 /// Edge of the finest patches, as a share of the probe spacing.
@@ -82,11 +82,20 @@ const EXTRAPOLATION: i32 = 4;
 /// model.
 const RIDGE: f32 = 2e-4;
 
-/// Steps of an octave in which spacing and usual scale are told: 2 % more or less of them makes no difference.
+/// Steps of an octave in which spacing and usual scale are told; `docs/cache.md` has what that changes.
 const STEPS: f32 = 16.0;
 
 /// Points of what emits that every receiver looks for.
 const EMITTER_SAMPLES: u32 = 256;
+
+/// Constants that all leaves are fitted with. Those of an earlier bake do as well, and leave its leaves as they are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitConstants {
+    /// Median distance from a probe to the nearest other, metres.
+    pub spacing_m: f32,
+    /// Root mean square of s over what the probes see.
+    pub usual_scale: f32,
+}
 
 /// What rows are fitted with; the same for all leaves of a bake.
 pub struct FitScene {
@@ -108,6 +117,7 @@ pub struct FitScene {
 pub struct FitPrior {
     /// Median distance from a probe to the nearest other, metres.
     spacing_m: f32,
+    kept: Option<FitConstants>,
     openness: Openness,
 }
 
@@ -154,10 +164,16 @@ pub(super) struct Correction {
 }
 
 impl FitPrior {
-    /// Measures the openness of all receivers.
-    pub fn of(caster: &RayCaster<'_>, atlas: &Atlas, receivers: &ReceiverSet, probes: &ProbeSet) -> Self {
-        let spacing_m = spacing(probes);
-        Self { spacing_m, openness: Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m) }
+    /// Measures the openness of all receivers. Constants are the `kept` ones, if there are any.
+    pub fn of(
+        caster: &RayCaster<'_>,
+        atlas: &Atlas,
+        receivers: &ReceiverSet,
+        probes: &ProbeSet,
+        kept: Option<FitConstants>,
+    ) -> Self {
+        let spacing_m = kept.map_or_else(|| spacing(probes), |kept| kept.spacing_m);
+        Self { spacing_m, kept, openness: Openness::of(caster, atlas, receivers, HALF_OPEN * spacing_m) }
     }
 
     /// What a probe sees, of what its rays meet.
@@ -175,11 +191,11 @@ impl FitScene {
     /// `views` is what each probe sees.
     pub fn of(
         caster: &RayCaster<'_>,
-        FitPrior { spacing_m, openness }: FitPrior,
+        FitPrior { spacing_m, kept, openness }: FitPrior,
         directions: &ProbeDirections,
         views: Vec<Vec<SeenPoint>>,
     ) -> Self {
-        let usual_scale = usual_scale(&views);
+        let usual_scale = kept.map_or_else(|| usual_scale(&views), |kept| kept.usual_scale);
         let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
         let emitter_samples = if emitters.is_empty() {
             Vec::new()
@@ -195,13 +211,17 @@ impl FitScene {
         atlas: &Atlas,
         receivers: &ReceiverSet,
         probes: &ProbeSet,
-        n_rays: u32,
-        basis: &sh::Basis,
+        directions: &ProbeDirections,
+        kept: Option<FitConstants>,
     ) -> Self {
-        let prior = FitPrior::of(caster, atlas, receivers, probes);
-        let directions = ProbeDirections::new(n_rays, basis);
+        let prior = FitPrior::of(caster, atlas, receivers, probes, kept);
         let views = directions.views(caster, &probes.positions, |hits| prior.seen(caster, hits));
-        Self::of(caster, prior, &directions, views)
+        Self::of(caster, prior, directions, views)
+    }
+
+    /// Constants that all leaves are fitted with.
+    pub fn constants(&self) -> FitConstants {
+        FitConstants { spacing_m: self.spacing_m, usual_scale: self.usual_scale }
     }
 
     /// Points at which receivers look for what emits; none where nothing does.

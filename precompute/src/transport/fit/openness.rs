@@ -16,19 +16,24 @@ use crate::{
 use glam::{FloatExt, Vec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
 use localprt_scenes::{FaceId, Scene, luminance};
+use localprt_surfaces::atlas::raster::in_texels;
 use rayon::prelude::*;
 
 /// Surfaces count as no darker than this.
 const LEAST_ALBEDO: f32 = 0.05;
+/// s where no receiver is near: the same in all scenes, so that no edit changes it.
+const FAR_FROM_RECEIVERS: f32 = 0.5;
+/// How far a lookup reaches, in texels: half of one, and a rounding.
+const REACH: f32 = 0.51;
 /// Rays of each receiver.
 const RAYS: u32 = 64;
 
 /// s(y) on the receiver map.
 pub(super) struct Openness {
     size: u32,
-    /// `[size * size]`; the mean where no receiver is near.
+    /// `[size * size]`.
     scale: Vec<f32>,
-    /// Corner coordinates of each face.
+    /// Corner coordinates of each face, texels.
     corners: Vec<[Vec2; 3]>,
 }
 
@@ -53,8 +58,7 @@ impl Openness {
                 open / RAYS as f32
             })
             .collect();
-        let mean = scales.iter().map(|&scale| f64::from(scale)).sum::<f64>() / scales.len().max(1) as f64;
-        let mut scale = vec![mean as f32; receivers.size as usize * receivers.size as usize];
+        let mut scale = vec![FAR_FROM_RECEIVERS; receivers.size as usize * receivers.size as usize];
         if receivers.size == 0 {
             return Self { size: 0, scale, corners: Vec::new() };
         }
@@ -64,7 +68,8 @@ impl Openness {
         for &(texel, receiver) in &receivers.gutters {
             scale[texel as usize] = scales[receiver as usize];
         }
-        Self { size: receivers.size, scale, corners: atlas.corners.clone() }
+        let corners = |uv: &[Vec2; 3]| uv.map(|uv| in_texels(uv, receivers.size).as_vec2());
+        Self { size: receivers.size, scale, corners: atlas.corners.iter().map(corners).collect() }
     }
 
     /// s(y) of a surface point, and whether it emits; s = 1 where there is no map or it does, since what a surface emits
@@ -79,13 +84,15 @@ impl Openness {
     /// Takes in all that [`Openness::surface`] may read of a part of a face, but for its material: a convex part, given by the
     /// barycentrics of its corners.
     pub(super) fn digest(&self, face: FaceId, part: &[Vec3], digester: &mut Digester) {
-        digester.one(self.size);
+        digester.one(u8::from(self.size == 0));
         if self.size == 0 {
             return;
         }
+        // Where on the map a face lies counts, but not how large the map is.
         let corners = self.corners[face.0 as usize];
         digester.all(&corners);
-        for row in texels_around(&corners, part, self.size, 1).rows(self.size) {
+        let on_map = corners.map(|corner| corner / self.size as f32);
+        for row in texels_around(&on_map, part, self.size, REACH).rows(self.size) {
             digester.all(&self.scale[row]);
         }
     }
@@ -96,9 +103,8 @@ impl Openness {
             return 1.0;
         }
         let [a, b, c] = self.corners[point.face.0 as usize];
-        let uv = a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z;
+        let place = a * point.barycentrics.x + b * point.barycentrics.y + c * point.barycentrics.z - 0.5;
         let last = self.size as i32 - 1;
-        let place = uv * self.size as f32 - 0.5;
         let (low, t) = (place.floor().as_ivec2(), place - place.floor());
         let at = |x: i32, y: i32| self.scale[(y.clamp(0, last) * self.size as i32 + x.clamp(0, last)) as usize];
         let across = |y: i32| at(low.x, y).lerp(at(low.x + 1, y), t.x);
@@ -119,8 +125,11 @@ mod tests {
     #[test]
     fn openness_is_that_of_a_receiver_and_between_receivers_in_between() {
         // A face whose coordinates are its barycentrics, on a map of 2 x 2 texels.
-        let openness =
-            Openness { size: 2, scale: vec![0.1, 0.3, 0.5, 0.9], corners: vec![[Vec2::ZERO, Vec2::X, Vec2::Y]] };
+        let openness = Openness {
+            size: 2,
+            scale: vec![0.1, 0.3, 0.5, 0.9],
+            corners: vec![[Vec2::ZERO, Vec2::X, Vec2::Y].map(|uv| 2.0 * uv)],
+        };
         let at = |u: f32, v: f32| {
             let barycentrics = Vec3::new(1.0 - u - v, u, v);
             openness.scale(&FacePoint { face: FaceId(0), mesh: 0, triangle: 0, barycentrics })

@@ -239,7 +239,7 @@ fn constant_radiance_loses_less_where_no_probe_sees_some_of_the_surfaces() {
 
 /// Irradiance of each receiver by its row of seven probes, where all radiance is 1.
 fn constant(rows: &TransportRows, degree: u32) -> Vec<f32> {
-    let n_sh = sh::function_count(degree);
+    let n_sh = localprt_formats::sh::function_count(degree);
     let of_row = |row: &[f32]| row.chunks_exact(n_sh).take(7).map(|probe| probe[0] * (4.0 * PI).sqrt()).sum();
     rows.rows.chunks_exact(rows.n_columns).map(of_row).collect()
 }
@@ -373,8 +373,8 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
                 &Atlas::default(),
                 receivers,
                 transport.probes,
-                2000,
-                transport.probe_basis,
+                &ProbeDirections::new(2000, transport.probe_basis),
+                None,
             );
             let sum = |(id, row): (&u32, &[f32])| -> f32 {
                 let glowing = fit.views[*id as usize].iter().filter(|point| point.surface.glows);

@@ -7,6 +7,15 @@ use std::ops::Range;
 /// alone although their coordinates are rounded. 8192 texels times half an f32 rounding of a coordinate is 2.5e-4.
 const SHALLOW: f64 = 5e-4;
 
+/// Coordinates in texels are multiples of one over this: the same when a map has grown and its coordinates were divided by another
+/// size. Half a step is more than the rounding of f32 coordinates of a map of 8192 texels.
+const STEPS: f64 = 1024.0;
+
+/// A coordinate of a map in texels.
+pub fn in_texels(uv: Vec2, size: u32) -> DVec2 {
+    (uv.as_dvec2() * f64::from(size) * STEPS).round() / STEPS
+}
+
 /// A triangle in texel units of a map: texel (x, y) is the square from (x, y) to (x + 1, y + 1).
 #[derive(Clone, Copy, Debug)]
 pub struct Footprint {
@@ -18,7 +27,7 @@ pub struct Footprint {
 impl Footprint {
     /// `None` for a triangle without area.
     pub fn new(uv: [Vec2; 3], size: u32) -> Option<Self> {
-        let corners = uv.map(|uv| uv.as_dvec2() * f64::from(size));
+        let corners = uv.map(|uv| in_texels(uv, size));
         let double_area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
         (double_area.is_finite() && double_area != 0.0).then_some(Self { corners, double_area })
     }
