@@ -19,9 +19,9 @@ fi
 if [ "$gpu $window" = "yes yes" ]; then
     export REQUIRE_WINDOW=1
 fi
-features=()
+features=(--features localprt-precompute/bucket)
 if [ "$xatlas" = yes ]; then
-    features=(--features localprt-precompute/xatlas)
+    features+=(--features localprt-precompute/xatlas)
 fi
 
 # Vulkan drivers complain about a missing one.
@@ -41,12 +41,17 @@ if command -v python3 >/dev/null 2>&1; then
     step python3 scripts/structure.py >&2
     step python3 scripts/spelling.py
 fi
-step cargo clippy --release --workspace --all-targets ${features[@]+"${features[@]}"} -- -D warnings
-RUSTDOCFLAGS="-D warnings" step cargo doc --release --workspace --no-deps ${features[@]+"${features[@]}"}
-step cargo test --release --workspace --all-targets ${features[@]+"${features[@]}"}
+step cargo clippy --release --workspace --all-targets "${features[@]}" -- -D warnings
+RUSTDOCFLAGS="-D warnings" step cargo doc --release --workspace --no-deps "${features[@]}"
+step cargo test --release --workspace --all-targets "${features[@]}"
 # Examples in the documentation are no target of their own.
-step cargo test --release --workspace --doc ${features[@]+"${features[@]}"}
+step cargo test --release --workspace --doc "${features[@]}"
+# The program that the tests have built. Exit code 77: there is no server to be had.
+bucket=0
+step scripts/test_bucket.sh "${CARGO_TARGET_DIR:-target}/release/precompute" || bucket=$?
+if [ "$bucket" != 0 ] && [ "$bucket" != 77 ]; then exit "$bucket"; fi
 untested=()
+if [ "$bucket" = 77 ]; then untested+=("caches in a bucket"); fi
 if [ "$xatlas" = no ]; then untested+=("the feature xatlas"); fi
 if [ "$gpu" = no ]; then untested+=("the GPU passes"); fi
 if [ "$window" = no ]; then untested+=("the viewer's window"); fi

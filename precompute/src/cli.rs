@@ -4,8 +4,9 @@ mod bake_flags;
 
 pub use bake_flags::BakeFlags;
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
-use localprt_precompute::cache::CacheOptions;
+use localprt_precompute::cache::Place;
 use localprt_precompute::settings::Preset;
 use localprt_precompute::shards::MOST_SHARDS;
 use localprt_tools::arguments::{parse_exposure, parse_size};
@@ -160,9 +161,9 @@ pub struct Plan {
     /// Number of shards
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SHARDS)))]
     pub shards: u32,
-    /// Keep leaves there instead
-    #[arg(long, value_name = "PLACE")]
-    pub cache: Option<PathBuf>,
+    /// Keep leaves there instead: a folder, or a bucket, that all machines reach
+    #[arg(long, value_name = "PLACE", value_parser = place())]
+    pub cache: Option<Place>,
     /// Scene of an earlier bake, with its baked file beside it, whose layout is kept
     #[arg(long, value_name = "PREVIOUS.glb")]
     pub layout: Option<PathBuf>,
@@ -208,19 +209,20 @@ pub struct LayoutFlags {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Cache")]
 pub struct CacheFlags {
-    /// Folder of results that are used again while nothing that they depend on has changed; bakes may share one [default:
-    /// .localprt-cache beside OUT.lprt]
-    #[arg(long, value_name = "PLACE", conflicts_with = "no_cache")]
-    pub cache: Option<PathBuf>,
+    /// Results that are used again while nothing that they depend on has changed: a folder, or a bucket as in
+    /// s3://BUCKET/FOLDER (gs://, az://); bakes may share it [default: .localprt-cache beside OUT.lprt]
+    #[arg(long, value_name = "PLACE", conflicts_with = "no_cache", value_parser = place())]
+    pub cache: Option<Place>,
     /// Make everything anew, and keep nothing
     #[arg(long)]
     pub no_cache: bool,
     /// Use what is there, and write nothing into it
     #[arg(long, conflicts_with = "no_cache")]
     pub cache_read: bool,
-    /// Bytes that may be kept; those used longest ago go first
-    #[arg(long, value_name = "BYTES", default_value_t = CacheOptions::default().limit_bytes, conflicts_with = "no_cache")]
-    pub cache_limit: u64,
+    /// Bytes that may be kept; those used longest ago go first, in a bucket those written longest ago [default: 16 GiB in a
+    /// folder, no limit in a bucket]
+    #[arg(long, value_name = "BYTES", conflicts_with = "no_cache")]
+    pub cache_limit: Option<u64>,
     /// Say of each leaf that is made why it was not in the cache
     #[arg(long, conflicts_with = "no_cache")]
     pub explain: bool,
@@ -229,9 +231,9 @@ pub struct CacheFlags {
 /// `precompute cache`
 #[derive(Debug, Args)]
 pub struct CacheCommand {
-    /// Folder that bakes keep results in
-    #[arg(value_name = "PLACE")]
-    pub place: PathBuf,
+    /// Folder or bucket that bakes keep results in
+    #[arg(value_name = "PLACE", value_parser = place())]
+    pub place: Place,
     /// Remove results, those used longest ago first, until the others have no more bytes than this
     #[arg(long, value_name = "BYTES")]
     pub trim: Option<u64>,
@@ -455,6 +457,11 @@ impl Refused {
         let _ = self.0.print();
         self.0.use_stderr()
     }
+}
+
+/// Reads where a cache is, in letters of any kind.
+fn place() -> impl TypedValueParser<Value = Place> {
+    OsStringValueParser::new().try_map(Place::parse)
 }
 
 fn parse_share(text: &str) -> Result<f32, String> {

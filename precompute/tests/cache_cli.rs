@@ -146,6 +146,33 @@ fn a_cache_is_where_it_is_asked_for_and_only_read_if_asked() {
 }
 
 #[test]
+fn an_address_is_a_bucket_or_refused_and_never_a_folder() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    let refused = |arguments: &[&str]| {
+        let mut command = command(folder, arguments);
+        // A port that nobody listens on, in builds that know buckets.
+        command.env("AWS_ENDPOINT", "http://127.0.0.1:9").env("AWS_ALLOW_HTTP", "true");
+        command.env("AWS_ACCESS_KEY_ID", "name").env("AWS_SECRET_ACCESS_KEY", "never-told");
+        let output = command.output().expect("the program starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let [code, words] = if cfg!(feature = "bucket") { ["6", "s3://bakes/hall: "] } else { ["2", "--features bucket"] };
+    for arguments in
+        [&["bake", "builtin:cornell", "-o", "a.lprt", "--cache", "s3://bakes/hall"][..], &["cache", "s3://bakes/hall"]]
+    {
+        let (found, message) = refused(arguments);
+        assert!(found.map(|found| found.to_string()).as_deref() == Some(code) && message.contains(words), "{message}");
+        assert!(!message.contains("never-told"), "{message}");
+    }
+    for address in ["s3:/bakes", "ftp://bakes", "s3://"] {
+        let (found, message) = refused(&["bake", "builtin:cornell", "-o", "a.lprt", "--cache", address]);
+        assert!(found == Some(2) && message.contains(address), "{message}");
+    }
+    assert_eq!(fs::read_dir(folder).expect("list").count(), 0, "nothing is left behind");
+}
+
+#[test]
 fn after_kills_the_next_bake_goes_on_and_the_file_is_the_same() {
     let folder = tempfile::tempdir().expect("folder");
     let folder = folder.path();

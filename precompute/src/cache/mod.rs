@@ -1,44 +1,55 @@
-//! Results by the digest of their inputs, in a folder that any number of bakes may share.
+//! Results by the digest of their inputs, in a folder or a bucket that any number of bakes may share.
 //!
-//! In and out: bytes ([`Packer`], [`Unpacker`]) under a kind and a [`Digest`]. A record is written beside its place and renamed into it,
-//! so that it appears whole or not at all; of two writers the last one wins. It carries its own checksum: a record that does not
-//! match it counts as absent, and is made anew. What cannot be written is not kept, and that is all: a cache never fails a bake.
+//! In and out: bytes ([`Packer`], [`Unpacker`]) under a kind and a [`Digest`]. A record appears whole or not at all, and carries its
+//! own checksum: one that does not match it counts as absent, and is made anew. What cannot be written is not kept, and that is all: a
+//! cache never fails a bake. Where records lie is left to a [`Store`].
 
+#[cfg(feature = "bucket")]
+mod bucket;
+mod folder;
 mod pack;
+mod place;
+mod store;
 
 pub use pack::{Packer, Unpacker};
+pub use place::{NoPlace, Place, PlaceError};
 
 use crate::{
     digest::{Digest, Digester},
-    output::{OutputError, write_file},
+    output::OutputError,
     progress::Progress,
 };
-use localprt_tools::hex;
+use folder::Folder;
+use localprt_tools::{error::reason, hex};
+use rayon::prelude::*;
 use std::{
-    fs, io,
-    path::{Path, PathBuf},
-    sync::atomic::{AtomicU64, Ordering::Relaxed},
-    time::{Duration, SystemTime},
+    io,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering::Relaxed},
+    },
+    time::SystemTime,
 };
+use store::{Listed, Store};
 
 /// First bytes of a record; the last one is the version of this layout.
 const MAGIC: [u8; 8] = *b"lprtrec\x01";
-/// Marks the folder as one that backups may leave out (bford.info/cachedir).
+/// Marks the place as one that backups may leave out (bford.info/cachedir).
 const TAG: &str = "CACHEDIR.TAG";
 const TAG_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Results of precompute that it can make again.\n";
 
-/// How names of records begin that are being written.
-const UNFINISHED: &str = ".lprtrec-";
-/// Whoever wrote one of these that is older has been killed.
-const LONGEST_WRITE: Duration = Duration::from_secs(3600);
-
-/// A folder of results.
+/// Results that lie somewhere.
 pub struct Cache {
-    folder: PathBuf,
+    store: Box<dyn Store>,
     options: CacheOptions,
     /// Bytes written by this process, and records that could not be.
     written: AtomicU64,
     failed: AtomicU64,
+    /// Records that may be there, but could not be asked for.
+    unread: AtomicU64,
+    /// Why, the last time.
+    cause: Mutex<Option<io::Error>>,
 }
 
 /// What a cache may do.
@@ -46,7 +57,8 @@ pub struct Cache {
 pub struct CacheOptions {
     /// Nothing is written, trimmed or removed.
     pub read_only: bool,
-    /// Bytes that records may have in all when a bake ends; those used longest ago go first.
+    /// Bytes that records may have in all when a bake ends; those used longest ago go first. `u64::MAX` is no limit, and nothing is
+    /// counted then.
     pub limit_bytes: u64,
     /// A bake says of each leaf that it makes why it is not there.
     pub explain: bool,
@@ -67,8 +79,8 @@ pub struct CacheFacts {
     pub bytes: u64,
 }
 
-struct RecordFile {
-    path: PathBuf,
+struct Record {
+    name: String,
     kind: String,
     digest: Digest,
     bytes: u64,
@@ -81,16 +93,46 @@ impl Cache {
     /// # Errors
     /// [`OutputError`] if it cannot be made, or written into.
     pub fn open(folder: &Path, options: CacheOptions) -> Result<Self, OutputError> {
-        let cache = Self { folder: folder.to_owned(), options, written: AtomicU64::new(0), failed: AtomicU64::new(0) };
-        if !options.read_only {
-            fs::create_dir_all(folder).map_err(|cause| OutputError::write(folder, cause))?;
-            let tag = folder.join(TAG);
-            // Once: a folder on a full disk may still be read.
-            if !tag.exists() {
-                write_file(&tag, TAG_TEXT.as_bytes())?;
+        if folder.to_str().is_some_and(place::is_address) {
+            let what = "this is an address: Place::parse reads it";
+            return Err(OutputError::write(folder, io::Error::new(io::ErrorKind::InvalidInput, what)));
+        }
+        Ok(Self::over(Box::new(Folder::open(folder, options.read_only)?), options))
+    }
+
+    /// The cache at a place. A bucket has to be there, and to answer.
+    ///
+    /// # Errors
+    /// [`PlaceError`] if it cannot be made, written into, or asked.
+    pub fn open_place(place: &Place, options: CacheOptions) -> Result<Self, PlaceError> {
+        match place {
+            Place::Folder(folder) => Ok(Self::open(folder, options)?),
+            #[cfg(feature = "bucket")]
+            Place::Bucket(url) => {
+                let store = bucket::BucketStore::open(url, options.read_only);
+                store.map(|store| Self::over(Box::new(store), options)).map_err(|cause| PlaceError::bucket(url, cause))
             }
         }
-        Ok(cache)
+    }
+
+    /// Whether a place is one that a cache was opened at, and not only read.
+    ///
+    /// # Errors
+    /// [`PlaceError`] if a bucket cannot be asked.
+    pub fn is_at(place: &Place) -> Result<bool, PlaceError> {
+        match place {
+            Place::Folder(folder) => Ok(Folder::is_marked(folder)),
+            #[cfg(feature = "bucket")]
+            Place::Bucket(url) => {
+                let store = bucket::BucketStore::open(url, true);
+                store.and_then(|store| store.is_marked()).map_err(|cause| PlaceError::bucket(url, cause))
+            }
+        }
+    }
+
+    fn over(store: Box<dyn Store>, options: CacheOptions) -> Self {
+        let [written, failed, unread] = [const { AtomicU64::new(0) }; 3];
+        Self { store, options, written, failed, unread, cause: Mutex::new(None) }
     }
 
     /// What it may do.
@@ -98,48 +140,52 @@ impl Cache {
         self.options
     }
 
-    /// Whether a folder is one that a cache was opened in.
-    pub fn is_one(folder: &Path) -> bool {
-        fs::read_to_string(folder.join(TAG)).is_ok_and(|text| text == TAG_TEXT)
-    }
-
     /// Content of a record; `None` if there is none that is whole.
     pub fn get(&self, kind: &str, digest: &Digest) -> Option<Vec<u8>> {
-        let path = self.path(kind, digest);
-        let mut record = fs::read(&path).ok()?;
+        let name = name(kind, digest);
+        let mut record = self.read(&name)?;
         if !is_whole(&record, kind, digest) {
             if !self.options.read_only {
-                fs::remove_file(&path).ok();
+                self.store.remove(&[&name]);
             }
             return None;
         }
         // Time of its last use, for trimming; whoever may not set it trims nothing either.
         if !self.options.read_only {
-            fs::File::options().write(true).open(&path).and_then(|file| file.set_modified(SystemTime::now())).ok();
+            self.store.touch(&name);
         }
         record.drain(..MAGIC.len() + size_of::<Digest>());
         Some(record)
     }
 
-    /// Keeps a record. What cannot be written is [noted](Cache::finish) at the end.
+    /// Keeps a record whose content follows from its digest: of two that are whole either will do. What cannot be written is
+    /// [noted](Cache::finish) at the end.
     pub fn put(&self, kind: &str, digest: &Digest, content: &[u8]) {
+        self.write(kind, digest, content, true);
+    }
+
+    /// Keeps a record in place of an older one of its digest. Of two writers the last one wins.
+    pub fn replace(&self, kind: &str, digest: &Digest, content: &[u8]) {
+        self.write(kind, digest, content, false);
+    }
+
+    fn write(&self, kind: &str, digest: &Digest, content: &[u8], only_new: bool) {
         if self.options.read_only {
             return;
         }
         let record = [&MAGIC[..], &checksum(kind, digest, content), content].concat();
-        match self.write(&self.path(kind, digest), &record) {
-            Ok(()) => self.written.fetch_add(record.len() as u64, Relaxed),
-            Err(_) => self.failed.fetch_add(1, Relaxed),
-        };
+        match self.store.put(&name(kind, digest), &record, only_new) {
+            Ok(()) => drop(self.written.fetch_add(record.len() as u64, Relaxed)),
+            Err(cause) => self.note(&self.failed, cause),
+        }
     }
 
-    fn write(&self, path: &Path, record: &[u8]) -> io::Result<()> {
-        let folder = path.parent().unwrap_or(&self.folder);
-        fs::create_dir_all(folder)?;
-        let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
-        io::Write::write_all(&mut file, record)?;
-        // Not synced: after a loss of power a record may be cut off, which its checksum tells.
-        file.persist(path).map(drop).map_err(|error| error.error)
+    /// A record as it lies there.
+    fn read(&self, name: &str) -> Option<Vec<u8>> {
+        self.store.get(name).unwrap_or_else(|cause| {
+            self.note(&self.unread, cause);
+            None
+        })
     }
 
     /// Records that could not be written, since this was last said.
@@ -147,37 +193,59 @@ impl Cache {
         self.failed.load(Relaxed)
     }
 
-    /// Ends the use of a bake: says what could not be kept, and trims.
+    fn note(&self, count: &AtomicU64, cause: io::Error) {
+        count.fetch_add(1, Relaxed);
+        *self.cause.lock().unwrap_or_else(PoisonError::into_inner) = Some(cause);
+    }
+
+    /// Why the place could not be asked or written to since this was last called; `None` if it always could.
+    pub fn failure(&self) -> Option<io::Error> {
+        self.cause.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Ends the use of a bake: says what could not be kept or found, and trims.
     pub fn finish(&self, progress: &Progress) {
-        let failed = self.failed.swap(0, Relaxed);
+        let [failed, unread] = [&self.failed, &self.unread].map(|count| count.swap(0, Relaxed));
+        let (place, remedy, written) = (self.store.place(), self.store.remedy(), self.written.load(Relaxed));
+        let cause = self.failure().map(|cause| format!(" ({})", reason(&cause))).unwrap_or_default();
         if failed > 0 {
             progress.note(&format!(
-                "{failed} results could not be kept in {}, of {} bytes in all so far: free some space, or name another place \
-                 with --cache",
-                self.folder.display(),
-                self.written.load(Relaxed)
+                "{failed} results could not be kept in {place}, of {written} bytes in all so far{cause}: {remedy}"
             ));
+        } else if unread > 0 {
+            progress.note(&format!("{unread} times nothing could be looked up in {place}{cause}: {remedy}"));
         }
         if !self.options.read_only {
             self.trim(self.options.limit_bytes);
         }
     }
 
-    /// Removes records until they have no more bytes than these in all: those used longest ago first. Returns how many bytes
-    /// went.
+    /// Removes records until they have no more bytes than these in all: those used longest ago first, or written longest ago where
+    /// the place keeps no more. Returns how many bytes went.
     pub fn trim(&self, most_bytes: u64) -> u64 {
-        self.sweep();
+        self.store.sweep();
+        if most_bytes == u64::MAX {
+            return 0;
+        }
         let mut records = self.records();
         let mut left: u64 = records.iter().map(|record| record.bytes).sum();
         let before = left;
-        records.sort_by(|a, b| (a.used, &a.path).cmp(&(b.used, &b.path)));
-        for record in records {
-            if left <= most_bytes {
-                break;
-            }
-            if fs::remove_file(&record.path).is_ok() {
-                left -= record.bytes;
-            }
+        records.sort_by(|a, b| (a.used, &a.name).cmp(&(b.used, &b.name)));
+        let mut rest = records.as_slice();
+        while left > most_bytes && !rest.is_empty() {
+            // As many as would do; where some of them cannot be removed, the next ones have to.
+            let mut after = left;
+            let is_due = |record: &&Record| {
+                let is_over = after > most_bytes;
+                after = after.saturating_sub(record.bytes);
+                is_over
+            };
+            let n_due = rest.iter().take_while(is_due).count();
+            let (due, others) = rest.split_at(n_due);
+            let removed = self.store.remove(&due.iter().map(|record| record.name.as_str()).collect::<Vec<_>>());
+            left -=
+                due.iter().zip(removed).filter(|(_, is_gone)| *is_gone).map(|(record, _)| record.bytes).sum::<u64>();
+            rest = others;
         }
         before - left
     }
@@ -192,62 +260,45 @@ impl Cache {
     /// Holds every record against its checksum and removes those that do not match it, unless the cache is only read. Returns how
     /// many these were.
     pub fn verify(&self) -> u64 {
-        let is_damaged = |record: &&RecordFile| {
+        let is_damaged = |record: &Record| {
             // One that is gone was trimmed by somebody else.
-            fs::read(&record.path).is_ok_and(|content| !is_whole(&content, &record.kind, &record.digest))
+            self.read(&record.name).is_some_and(|content| !is_whole(&content, &record.kind, &record.digest))
         };
-        let damaged: Vec<RecordFile> = self.records().into_iter().filter(|record| is_damaged(&record)).collect();
+        let damaged: Vec<Record> = self.records().into_par_iter().filter(is_damaged).collect();
         if !self.options.read_only {
-            damaged.iter().for_each(|record| drop(fs::remove_file(&record.path)));
+            self.store.remove(&damaged.iter().map(|record| record.name.as_str()).collect::<Vec<_>>());
         }
         damaged.len() as u64
     }
 
-    fn records(&self) -> Vec<RecordFile> {
-        let record = |path: PathBuf| {
+    fn records(&self) -> Vec<Record> {
+        let listed = self.store.list().unwrap_or_else(|cause| {
+            self.note(&self.unread, cause);
+            Vec::new()
+        });
+        let record = |Listed { name, bytes, used }: Listed| {
             // Whatever else lies there is not ours.
-            let (kind, digest) = self.name_of(&path)?;
-            let data = fs::metadata(&path).ok().filter(fs::Metadata::is_file)?;
-            let used = data.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-            Some(RecordFile { path, kind, digest, bytes: data.len(), used })
+            let (kind, digest) = kind_and_digest(&name)?;
+            Some(Record { name, kind, digest, bytes, used })
         };
-        self.files().filter_map(record).collect()
+        listed.into_iter().filter_map(record).collect()
     }
+}
 
-    /// Removes what killed writers left behind.
-    fn sweep(&self) {
-        let is_left = |path: &PathBuf| {
-            let name = path.file_name().unwrap_or_default().as_encoded_bytes();
-            let age = fs::metadata(path).and_then(|data| data.modified()).ok().and_then(|at| at.elapsed().ok());
-            name.starts_with(UNFINISHED.as_bytes()) && age.is_some_and(|age| age > LONGEST_WRITE)
-        };
-        self.files().filter(is_left).for_each(|path| drop(fs::remove_file(path)));
-    }
+/// Name of a record in its store.
+fn name(kind: &str, digest: &Digest) -> String {
+    let digits = hex(digest);
+    format!("{}/{}.{kind}", &digits[..2], &digits[2..])
+}
 
-    /// All that lies in the folders of records.
-    fn files(&self) -> impl Iterator<Item = PathBuf> {
-        let below = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-        let is_of_records = |path: &PathBuf| {
-            let name = path.file_name().unwrap_or_default().as_encoded_bytes();
-            name.len() == 2 && name.iter().all(u8::is_ascii_hexdigit) && path.is_dir()
-        };
-        below(&self.folder).filter(is_of_records).flat_map(move |folder| below(&folder))
-    }
-
-    /// Kind and digest of a record by its path; `None` of any other file.
-    fn name_of(&self, path: &Path) -> Option<(String, Digest)> {
-        let kind = path.extension()?.to_str()?.to_owned();
-        let name = path.parent()?.file_name()?.to_str()?.to_owned() + path.file_stem()?.to_str()?;
-        let digits = name.as_bytes().as_chunks::<2>().0;
-        let bytes = digits.iter().map(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
-        let digest: Digest = bytes.collect::<Option<Vec<u8>>>()?.try_into().ok()?;
-        (self.path(&kind, &digest) == path).then_some((kind, digest))
-    }
-
-    fn path(&self, kind: &str, digest: &Digest) -> PathBuf {
-        let name = hex(digest);
-        self.folder.join(&name[..2]).join(format!("{}.{kind}", &name[2..]))
-    }
+/// Kind and digest of a record by its name; `None` of anything else.
+fn kind_and_digest(found: &str) -> Option<(String, Digest)> {
+    let (digits, kind) = found.rsplit_once('.').filter(|(_, kind)| !kind.contains('/'))?;
+    let digits = digits.replacen('/', "", 1);
+    let digits = digits.as_bytes().as_chunks::<2>().0;
+    let bytes = digits.iter().map(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
+    let digest: Digest = bytes.collect::<Option<Vec<u8>>>()?.try_into().ok()?;
+    (name(kind, &digest) == found).then(|| (kind.to_owned(), digest))
 }
 
 /// A record of that kind and digest, with its checksum.
@@ -263,6 +314,18 @@ fn checksum(kind: &str, digest: &Digest, content: &[u8]) -> Digest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use folder::LONGEST_WRITE;
+    use std::{fs, path::PathBuf, time::Duration};
+
+    impl Cache {
+        fn folder(&self) -> PathBuf {
+            self.store.place().into()
+        }
+
+        fn path(&self, kind: &str, digest: &Digest) -> PathBuf {
+            self.folder().join(name(kind, digest))
+        }
+    }
 
     fn filled(options: CacheOptions) -> (tempfile::TempDir, Cache) {
         let folder = tempfile::tempdir().expect("folder");
@@ -318,7 +381,7 @@ mod tests {
         assert_eq!(cache.trim(5_000), 0);
         // Files of others stay, whatever they are called.
         let theirs = ["ab/notes.txt", "00/.new123", "00/.lprtrec-new", "src/main.rs", "00/00.leaf"]
-            .map(|name| cache.folder.join(name));
+            .map(|name| cache.folder().join(name));
         for path in &theirs {
             fs::create_dir_all(path.parent().expect("a folder")).expect("made");
             fs::write(path, "theirs").expect("written");
@@ -327,7 +390,7 @@ mod tests {
         cache.trim(0);
         assert!(cache.facts().records == 0 && theirs.iter().all(|path| path.exists()));
         // A record that was being written an hour ago never will be whole.
-        let left = cache.folder.join("00/.lprtrec-new");
+        let left = cache.folder().join("00/.lprtrec-new");
         let long_ago = SystemTime::now() - LONGEST_WRITE - Duration::from_secs(60);
         fs::File::options().write(true).open(&left).expect("there").set_modified(long_ago).expect("set");
         cache.trim(0);
@@ -347,5 +410,110 @@ mod tests {
         let options = CacheOptions { read_only: true, ..CacheOptions::default() };
         assert_eq!(Cache::open(nowhere, options).expect("opens").facts(), CacheFacts::default());
         assert!(Cache::open(Path::new("/dev/null/cache"), CacheOptions::default()).is_err());
+    }
+
+    #[test]
+    fn names_of_records_are_told_from_all_others() {
+        let own = name("leaf", &[171; 32]);
+        assert_eq!(kind_and_digest(&own), Some(("leaf".into(), [171; 32])));
+        let plain = own.replace('/', "");
+        let (longer, upper) = (own.replace('.', "00."), own.to_uppercase());
+        for other in [&plain, &longer, &upper, TAG, "", ".", "ab/", &format!("{own}.bak"), &format!("{own}/more")] {
+            assert_eq!(kind_and_digest(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn an_address_never_becomes_a_folder() {
+        let folder = tempfile::tempdir().expect("folder");
+        assert!(Cache::open(Path::new("s3://bakes/hall"), CacheOptions::default()).is_err());
+        assert!(!Path::new("s3:").exists() && Cache::open(folder.path(), CacheOptions::default()).is_ok());
+    }
+
+    /// A place that answers nothing.
+    struct Silent;
+
+    impl Store for Silent {
+        fn place(&self) -> String {
+            "nowhere".into()
+        }
+
+        fn remedy(&self) -> &'static str {
+            "go elsewhere"
+        }
+
+        fn get(&self, _name: &str) -> io::Result<Option<Vec<u8>>> {
+            Err(io::ErrorKind::TimedOut.into())
+        }
+
+        fn put(&self, _name: &str, _record: &[u8], _only_new: bool) -> io::Result<()> {
+            Err(io::ErrorKind::TimedOut.into())
+        }
+
+        fn list(&self) -> io::Result<Vec<Listed>> {
+            Err(io::ErrorKind::TimedOut.into())
+        }
+
+        fn remove(&self, names: &[&str]) -> Vec<bool> {
+            vec![false; names.len()]
+        }
+
+        fn touch(&self, _name: &str) {}
+
+        fn sweep(&self) {}
+    }
+
+    #[test]
+    fn a_place_that_does_not_answer_holds_nothing_and_keeps_nothing() {
+        let cache = Cache::over(Box::new(Silent), CacheOptions::default());
+        cache.put("thing", &[1; 32], &[1]);
+        assert_eq!(cache.get("thing", &[1; 32]), None);
+        assert_eq!((cache.failed.load(Relaxed), cache.unread.load(Relaxed)), (1, 1));
+        cache.finish(&Progress::silent());
+        assert_eq!((cache.failed.load(Relaxed), cache.verify(), cache.trim(0)), (0, 0, 0));
+        assert!(cache.failure().is_some() && cache.failure().is_none());
+    }
+
+    #[cfg(feature = "bucket")]
+    #[test]
+    fn a_bucket_keeps_records_as_a_folder_does() {
+        let cache = Cache::over(Box::new(bucket::BucketStore::in_memory()), CacheOptions::default());
+        rayon::scope(|scope| {
+            for number in 0..10u8 {
+                let cache = &cache;
+                scope.spawn(move |_| cache.put("thing", &[number; 32], &vec![number; 1000]));
+            }
+        });
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
+        assert_eq!((cache.get("other", &[3; 32]), cache.get("thing", &[77; 32])), (None, None));
+        // What is there stays, unless it is damaged, or is to be replaced.
+        cache.put("thing", &[3; 32], &[1, 2, 3]);
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
+        cache.replace("thing", &[3; 32], &[1, 2, 3]);
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![1, 2, 3]));
+        cache.store.put(&name("thing", &[3; 32]), &[9; 100], false).expect("damaged");
+        cache.store.put(&name("thing", &[4; 32]), &[9; 100], false).expect("damaged");
+        assert_eq!(cache.get("thing", &[3; 32]), None);
+        cache.put("thing", &[3; 32], &vec![3; 1000]);
+        assert_eq!(cache.get("thing", &[3; 32]), Some(vec![3; 1000]));
+        assert_eq!((cache.verify(), cache.verify(), cache.facts().records), (1, 0, 9));
+        // What others keep there is not counted, and stays.
+        cache.store.put("ab/notes.txt", b"theirs", false).expect("written");
+        assert_eq!(cache.facts(), CacheFacts { records: 9, bytes: 9 * 1040 });
+        assert_eq!(cache.trim(5_000), 5 * 1040);
+        cache.trim(0);
+        assert!(cache.facts().records == 0 && cache.store.get("ab/notes.txt").expect("asked").is_some());
+        assert!(cache.failure().is_none());
+    }
+
+    #[cfg(feature = "bucket")]
+    #[test]
+    fn a_bucket_that_is_only_read_stays_as_it_is() {
+        let options = CacheOptions { read_only: true, ..CacheOptions::default() };
+        let cache = Cache::over(Box::new(bucket::BucketStore::in_memory()), options);
+        cache.put("thing", &[3; 32], &[1]);
+        cache.store.put(&name("thing", &[4; 32]), &[9; 100], false).expect("damaged");
+        assert_eq!((cache.get("thing", &[3; 32]), cache.get("thing", &[4; 32])), (None, None));
+        assert_eq!((cache.verify(), cache.facts().records), (1, 1));
     }
 }

@@ -1,10 +1,9 @@
-//! `precompute cache`: what a folder of kept results holds; and which one a bake uses.
+//! `precompute cache`: what a place of kept results holds; and which one a bake uses.
 
 use super::{grouped, print_data, size, to_json};
 use crate::cli::{CacheCommand, CacheFlags};
-use localprt_precompute::cache::{Cache, CacheOptions};
+use localprt_precompute::cache::{Cache, CacheOptions, PlaceError};
 use localprt_precompute::error::{CommandError, Exit};
-use localprt_precompute::output::OutputError;
 use localprt_precompute::progress::Progress;
 use serde::Serialize;
 use std::path::Path;
@@ -25,17 +24,20 @@ struct Facts {
 /// Runs the subcommand.
 pub fn run(command: &CacheCommand) -> Result<(), CommandError> {
     let place = &command.place;
-    if !Cache::is_one(place) {
-        let what = "there is no cache";
-        return Err(CommandError::new(Exit::Io, what)
-            .in_file(place)
-            .help("name the folder that bakes keep results in"));
+    let about_place = |what: String| CommandError::new(Exit::Io, what).in_file(Path::new(&place.to_string()));
+    if !Cache::is_at(place)? {
+        let kind = if place.is_folder() { "folder" } else { "bucket and folder" };
+        return Err(about_place("there is no cache".into()).help(format!("name the {kind} that bakes keep results in")));
     }
     let is_changed = command.trim.is_some() || command.verify;
-    let cache = Cache::open(place, CacheOptions { read_only: !is_changed, ..CacheOptions::default() })?;
+    let cache = Cache::open_place(place, CacheOptions { read_only: !is_changed, ..CacheOptions::default() })?;
     let damaged = command.verify.then(|| cache.verify());
     let trimmed_bytes = command.trim.map_or(0, |bytes| cache.trim(bytes));
     let left = cache.facts();
+    if let Some(cause) = cache.failure() {
+        let help = "check the server, and what its credentials allow: listing, reading, removing";
+        return Err(about_place(format!("not all results could be read: {cause}")).help(help));
+    }
     let facts = Facts { records: left.records, bytes: left.bytes, trimmed_bytes, damaged };
     print_data(&if command.json { to_json(&facts) } else { facts.to_text() })
 }
@@ -56,14 +58,18 @@ impl Facts {
 /// The cache that a bake into `output` uses; `None` if it uses none.
 ///
 /// # Errors
-/// [`OutputError`] if the place that was named cannot be used. Where nobody named one, the bake goes on without.
-pub fn of_bake(flags: &CacheFlags, output: &Path, progress: &Progress) -> Result<Option<Cache>, OutputError> {
+/// [`PlaceError`] if the place that was named cannot be used. Where nobody named one, the bake goes on without.
+pub fn of_bake(flags: &CacheFlags, output: &Path, progress: &Progress) -> Result<Option<Cache>, PlaceError> {
     if flags.no_cache {
         return Ok(None);
     }
-    let options = CacheOptions { read_only: flags.cache_read, limit_bytes: flags.cache_limit, explain: flags.explain };
+    // Without a limit from here a bucket is nobody's to trim: it belongs to many, and has rules of its own.
+    let is_bucket = flags.cache.as_ref().is_some_and(|place| !place.is_folder());
+    let usual = if is_bucket { u64::MAX } else { CacheOptions::default().limit_bytes };
+    let limit_bytes = flags.cache_limit.unwrap_or(usual);
+    let options = CacheOptions { read_only: flags.cache_read, limit_bytes, explain: flags.explain };
     match &flags.cache {
-        Some(place) => Cache::open(place, options).map(Some),
+        Some(place) => Cache::open_place(place, options).map(Some),
         None => match Cache::open(&output.with_file_name(FOLDER), options) {
             Ok(cache) => Ok(Some(cache)),
             Err(error) => {

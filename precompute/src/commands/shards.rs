@@ -3,7 +3,7 @@
 use super::{bake, check_output, grouped, print_data, to_json, write_text};
 use crate::cli::{Merge, Plan};
 use localprt_precompute::{
-    cache::{Cache, CacheOptions},
+    cache::{Cache, CacheOptions, NoPlace, Place, PlaceError},
     error::{BakeError, CommandError, Exit},
     inputs,
     output::{OutputError, check_writable, write_file},
@@ -16,7 +16,7 @@ use localprt_precompute::{
 use localprt_scenes::Scene;
 use localprt_tools::hex;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What `bake --plan --shard` reports.
 #[derive(Serialize)]
@@ -37,7 +37,7 @@ pub fn plan(command: &Plan, progress: &Progress) -> Result<(), CommandError> {
     check_writable(path)?;
     let scene = load(&command.scene, progress)?;
     let named = command.layout.as_deref().map(Previous::open).transpose()?;
-    let place = command.cache.clone().unwrap_or_else(|| ShardPlan::parts(path));
+    let place = command.cache.clone().unwrap_or_else(|| Place::Folder(ShardPlan::parts(path)));
     let cache = open(&place)?;
     let hash = hex(&scene.hash);
     let reuse = Reuse { cache: Some(&cache), previous: named.as_ref() };
@@ -54,7 +54,10 @@ pub fn plan(command: &Plan, progress: &Progress) -> Result<(), CommandError> {
         (Some(layout), Some(named)) => Some([relative(layout)?, hex(&named.digest())]),
         _ => None,
     };
-    let kept = command.cache.as_deref().map(relative).transpose()?;
+    let kept = match &command.cache {
+        Some(Place::Folder(folder)) => Some(relative(folder)?),
+        place => place.as_ref().map(Place::to_string),
+    };
     let mut plan = ShardPlan::new(source, hash, settings.to_toml(), &costs, command.shards);
     (plan.layout, plan.cache) = (layout, kept);
     write_file(path, plan.to_json().as_bytes())?;
@@ -85,7 +88,7 @@ pub fn shard(path: &Path, number: u32, report: Option<&Path>, progress: &Progres
     if cache.failed() > 0 {
         let what = format!("{} results could not be kept", cache.failed());
         return Err(CommandError::new(Exit::Io, what)
-            .in_file(&planned.place)
+            .in_file(Path::new(&planned.place.to_string()))
             .help("free some space there, and bake the shard again: what is kept is not made again"));
     }
     let seconds = progress.seconds();
@@ -148,7 +151,7 @@ struct Planned {
     scene: Scene,
     settings: BakeSettings,
     previous: Option<Previous>,
-    place: PathBuf,
+    place: Place,
     cache: Cache,
 }
 
@@ -182,10 +185,21 @@ impl Planned {
                 Some(previous)
             }
         };
-        let place = plan.cache.as_ref().map_or_else(|| ShardPlan::parts(path), |place| folder.join(place));
+        let place = match &plan.cache {
+            None => Place::Folder(ShardPlan::parts(path)),
+            Some(place) => match Place::parse(place.into()).map_err(|error| no_place(&error, path))? {
+                Place::Folder(place) => Place::Folder(folder.join(place)),
+                #[cfg(feature = "bucket")]
+                bucket => bucket,
+            },
+        };
         let cache = open(&place)?;
         Ok(Self { plan, source, scene, settings, previous, place, cache })
     }
+}
+
+fn no_place(error: &NoPlace, plan: &Path) -> CommandError {
+    CommandError::of(Exit::Usage, error).in_file(plan).help("plan again with a --cache that this program knows")
 }
 
 fn load(source: &str, progress: &Progress) -> Result<Scene, CommandError> {
@@ -194,8 +208,8 @@ fn load(source: &str, progress: &Progress) -> Result<Scene, CommandError> {
 }
 
 /// Nothing of a bake in shards is trimmed before it is merged.
-fn open(place: &Path) -> Result<Cache, OutputError> {
-    Cache::open(place, CacheOptions { limit_bytes: u64::MAX, ..CacheOptions::default() })
+fn open(place: &Place) -> Result<Cache, PlaceError> {
+    Cache::open_place(place, CacheOptions { limit_bytes: u64::MAX, ..CacheOptions::default() })
 }
 
 /// A path as it is from the folder of a plan.

@@ -66,7 +66,7 @@ impl<'a> KeptBake<'a> {
         let Some(files) = files.map(digest_of_file).collect::<Option<Vec<Digest>>>() else { return };
         let mut packer = Packer::default();
         packer.put(&files).put(written.report.to_json().as_bytes());
-        self.cache.put(BAKE, &self.digest, &packer.finish());
+        self.cache.replace(BAKE, &self.digest, &packer.finish());
     }
 }
 

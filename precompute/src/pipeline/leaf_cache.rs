@@ -92,7 +92,7 @@ impl<'a> LeafCache<'a> {
         if !sets.contains(crossed) {
             sets.insert(0, crossed.clone());
             sets.truncate(MOST_SETS);
-            self.cache.put(CELLS, &key.digest, &pack_sets(&sets));
+            self.cache.replace(CELLS, &key.digest, &pack_sets(&sets));
         }
         self.cache.put(LEAF, &self.of_leaf(key, crossed), &pack(leaf, members, &key.probes));
     }
