@@ -29,8 +29,8 @@ pub struct CellSet {
     bits: Vec<u64>,
 }
 
-/// Rays by the block of cells in which they start and the cell in which they end. Of the many rays between two of them one is kept: a leaf has millions of rays, and to
-/// walk along each would cost half as much as to trace it.
+/// Rays by the block of cells in which they start and the cell in which they end. Of the many rays between two of them one is kept: a
+/// leaf has millions of rays, and to walk along each would cost half as much as to trace it.
 #[derive(Clone, Debug)]
 pub struct Crossings {
     grid: CellGrid,

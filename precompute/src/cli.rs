@@ -53,6 +53,26 @@ Examples:
   precompute validate hall.lprt -o hall-quality --lights noon.json --max-nrmse 0.1
   precompute validate hall.lprt -o hall-quality --sweep probes=20,50,150 --sweep degree=2,4,7";
 
+const BATCH_EXAMPLE: &str = "\
+Examples:
+  precompute batch levels.toml --jobs 2
+  precompute batch levels.toml --watch
+
+levels.toml:
+  [defaults]
+  preset = \"preview\"
+  validate = { max_nrmse = 0.1 }
+
+  [[scene]]
+  scene = \"hall.glb\"
+  receivers = 120000
+
+Paths in it start at its folder. docs/batch.md has all keys.";
+
+const DIFF_EXIT_CODES: &str = "\
+Exit codes: 0 nothing differs, 7 something does, 3 a file is damaged, 5 it is of another version of the format, 6 it cannot
+be read.";
+
 /// Precomputed light transport: bake a scene once, relight it in real time.
 #[derive(Debug, Parser)]
 #[command(name = "precompute", version, before_help = EXAMPLE, after_help = EXIT_CODES)]
@@ -104,6 +124,12 @@ pub enum Command {
     Merge(Merge),
     /// Say what a cache of bakes holds; trim or verify it
     Cache(CacheCommand),
+    /// Bake and validate the scenes of a list
+    #[command(before_help = BATCH_EXAMPLE)]
+    Batch(Batch),
+    /// Say what differs between two baked files: by section, and in the light that they give
+    #[command(after_help = DIFF_EXIT_CODES)]
+    Diff(Diff),
     /// Write a built-in scene as .glb
     Scene(Scene),
     /// Bake, relight and validate the Cornell box, and say where the pictures are
@@ -418,6 +444,43 @@ pub struct Check {
     pub file: PathBuf,
 }
 
+/// `precompute batch`
+#[derive(Debug, Args)]
+pub struct Batch {
+    /// List of scenes and their options
+    #[arg(value_name = "LEVELS.toml")]
+    pub list: PathBuf,
+    /// Scenes at a time; threads are divided between them, memory adds up
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: u16,
+    /// Stay, and do again what depends on a file that changes, until Ctrl-C
+    #[arg(long)]
+    pub watch: bool,
+}
+
+/// `precompute diff`
+#[derive(Debug, Args)]
+pub struct Diff {
+    /// Baked file
+    #[arg(value_name = "A.lprt")]
+    pub first: PathBuf,
+    /// Baked file to hold against it
+    #[arg(value_name = "B.lprt")]
+    pub second: PathBuf,
+    /// Lighting file that both are lit by; may be given several times [default: the lights of A's scene, black sky]
+    #[arg(long, value_name = "L.json")]
+    pub lights: Vec<PathBuf>,
+    /// Gathers
+    #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub bounces: u32,
+    /// Compare what is in the files alone, and light nothing: needs no scenes
+    #[arg(long, conflicts_with_all = ["lights", "bounces"])]
+    pub sections: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `precompute scene`
 #[derive(Debug, Args)]
 pub struct Scene {
@@ -435,6 +498,25 @@ pub struct Demo {
     /// Folder to write into; made if missing
     #[arg(short, long, value_name = "DIR", default_value = "localprt-demo")]
     pub output: PathBuf,
+}
+
+impl Validate {
+    /// Keys that a list of scenes has for the options: their flags with underscores, but for those that name files.
+    pub fn keys() -> Vec<String> {
+        let command = Self::augment_args(clap::Command::new("validate"));
+        let keys = command.get_arguments().map(|argument| argument.get_id().to_string());
+        keys.filter(|key| !["file", "output", "scene", "lights"].contains(&key.as_str())).collect()
+    }
+
+    /// Refuses flags as the command would, in its words.
+    pub fn check(flags: &[String]) -> Result<(), String> {
+        let command = Self::augment_args(clap::Command::new("validate").no_binary_name(true));
+        let files = ["FILE", "--output", "DIR"].map(str::to_owned);
+        command.try_get_matches_from(files.iter().chain(flags)).map(drop).map_err(|error| {
+            let text = error.to_string();
+            text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
+        })
+    }
 }
 
 impl Cli {

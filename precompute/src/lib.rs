@@ -27,6 +27,7 @@ pub mod cache;
 pub mod cells;
 pub mod clusters;
 pub mod compress;
+pub mod diff;
 pub mod digest;
 pub mod error;
 pub mod figures;

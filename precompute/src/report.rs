@@ -349,7 +349,7 @@ impl BakeReport {
     pub fn measure_run(&mut self, progress: &Progress) {
         self.stages = progress.stages();
         self.seconds = progress.seconds();
-        self.peak_rss_bytes = peak_rss_bytes().unwrap_or(0);
+        self.peak_rss_bytes = peak_rss_bytes("self").unwrap_or(0);
         self.threads = rayon::current_num_threads() as u64;
     }
 
@@ -377,9 +377,9 @@ impl BakeReport {
     }
 }
 
-/// Largest resident size of this process so far; `None` where the system does not say.
-pub fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+/// Largest resident size of a process so far, by its number or `self`; `None` where the system does not say.
+pub fn peak_rss_bytes(process: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?;
     Some(kibibytes.trim().parse::<u64>().ok()? * 1024)
 }
@@ -442,6 +442,6 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn peak_memory_is_known_on_linux() {
-        assert!(peak_rss_bytes().is_some_and(|bytes| bytes > 100_000));
+        assert!(peak_rss_bytes("self").is_some_and(|bytes| bytes > 100_000));
     }
 }

@@ -562,3 +562,17 @@ fn a_scene_in_memory_reads_no_files() {
     let text = error.to_string();
     assert!(text.contains("/images/0/uri") && text.contains("\"wood.png\"") && error.help.contains(".glb"), "{text}");
 }
+
+#[test]
+fn files_that_a_scene_names_are_listed_be_they_there_or_not() {
+    let folder = tempfile::tempdir().expect("folder");
+    let at = |name: &str| folder.path().join(name);
+    let scene = r#"{"asset": {"version": "2.0"}, "images": [{"uri": "maps/c.png"}],
+        "buffers": [{"byteLength": 4, "uri": "a%20b.bin"}, {"byteLength": 1, "uri": "data:;base64,AA=="}]}"#;
+    std::fs::write(at("hall.gltf"), scene).expect("written");
+    assert_eq!(localprt_scenes::linked_files(at("hall.gltf")), [at("a b.bin"), at("maps/c.png")]);
+    assert!(localprt_scenes::linked_files(at("none.gltf")).is_empty());
+    let sky = r#"{"sky": {"type": "equirect", "file": "skies/noon.hdr"}}"#;
+    std::fs::write(at("noon.json"), sky).expect("written");
+    assert_eq!(localprt_scenes::Lighting::sky_image_of(&at("noon.json")), Some(at("skies/noon.hdr")));
+}

@@ -1,8 +1,10 @@
 //! One plain function per subcommand, and what they share: reading inputs, writing data to standard output.
 
 mod bake;
+mod batch;
 mod cache;
 mod demo;
+mod diff;
 mod info;
 mod relight;
 mod scene;
@@ -39,6 +41,8 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Plan(command) => shards::plan(command, &progress),
         Command::Merge(command) => shards::merge(command, &progress),
         Command::Cache(command) => cache::run(command),
+        Command::Batch(command) => batch::run(command, &cli.global, &progress),
+        Command::Diff(command) => diff::run(command, &progress),
         Command::Scene(command) => scene::run(command, &progress),
         Command::Demo(command) => demo::run(command, &progress),
     }

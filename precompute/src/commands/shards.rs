@@ -189,8 +189,7 @@ impl Planned {
             None => Place::Folder(ShardPlan::parts(path)),
             Some(place) => match Place::parse(place.into()).map_err(|error| no_place(&error, path))? {
                 Place::Folder(place) => Place::Folder(folder.join(place)),
-                #[cfg(feature = "bucket")]
-                bucket => bucket,
+                place => place,
             },
         };
         let cache = open(&place)?;

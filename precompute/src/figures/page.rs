@@ -86,6 +86,19 @@ pub enum Block {
         /// Index of a row to point out.
         highlight_row: Option<usize>,
     },
+    /// A table whose rows lead to other pages.
+    Index {
+        /// Names of the columns.
+        head: Vec<String>,
+        /// `[n_rows][n_columns]`.
+        rows: Vec<Vec<String>>,
+        /// `[n_rows]` where the first cell of each row leads: a path relative to this page.
+        pages: Vec<Option<String>>,
+        /// Below the table.
+        note: String,
+        /// Index of a row to point out.
+        highlight_row: Option<usize>,
+    },
     /// Names and values.
     Facts {
         /// Heading.
@@ -220,6 +233,13 @@ mod tests {
                 note: text(),
                 highlight_row: Some(1),
             },
+            Block::Index {
+                head: vec![text()],
+                rows: vec![vec![text()], vec![text()]],
+                pages: vec![Some("sub/e.html".into()), None],
+                note: text(),
+                highlight_row: None,
+            },
             Block::Facts { title: text(), rows: vec![(text(), text())] },
             Block::Svg { title: text(), svg, png: Some(text()) },
             Block::Details { title: text(), blocks: vec![Block::Text(text())] },
@@ -259,6 +279,7 @@ mod tests {
             assert!(html.contains(&format!("href=\"{file}\"")), "{file} opens");
         }
         assert_eq!(html.matches("<img ").count(), 5);
+        assert_eq!(html.matches("href=\"./sub/e.html\"").count(), 1, "rows lead to their pages");
     }
 
     #[test]

@@ -15,7 +15,8 @@ fn one(block: &Block) -> Markup {
         Block::Gallery { title, images, columns } => html! {
             div.block { (heading(title)) (grid(images, *columns)) }
         },
-        Block::Table { title, head, rows, note, highlight_row } => table(title, head, rows, note, *highlight_row),
+        Block::Table { title, head, rows, note, highlight_row } => table(title, head, rows, &[], note, *highlight_row),
+        Block::Index { head, rows, pages, note, highlight_row } => table("", head, rows, pages, note, *highlight_row),
         Block::Facts { title, rows } => html! {
             div.block {
                 (heading(title))
@@ -68,7 +69,14 @@ fn grid(images: &[NamedImage], columns: u32) -> Markup {
     }
 }
 
-fn table(title: &str, head: &[String], rows: &[Vec<String>], note: &str, highlight_row: Option<usize>) -> Markup {
+fn table(
+    title: &str,
+    head: &[String],
+    rows: &[Vec<String>],
+    pages: &[Option<String>],
+    note: &str,
+    highlight_row: Option<usize>,
+) -> Markup {
     // A column of numbers is lined up at the right, its name too.
     let columns = rows.iter().map(Vec::len).chain([head.len()]).max().unwrap_or(0);
     let is_number: Vec<bool> = (0..columns).map(|column| is_number_column(rows, column)).collect();
@@ -85,7 +93,14 @@ fn table(title: &str, head: &[String], rows: &[Vec<String>], note: &str, highlig
                     }
                     tbody { @for (index, row) in rows.iter().enumerate() {
                         tr class=[(highlight_row == Some(index)).then_some("highlight")] {
-                            @for (column, cell) in row.iter().enumerate() { td class=[class(column)] { (cell) } }
+                            @for (column, cell) in row.iter().enumerate() {
+                                td class=[class(column)] {
+                                    @match pages.get(index).and_then(Option::as_ref).filter(|_| column == 0) {
+                                        Some(page) => { a href=(address(page)) { (cell) } }
+                                        None => { (cell) }
+                                    }
+                                }
+                            }
                         }
                     } }
                 }
@@ -122,7 +137,7 @@ mod tests {
             .map(|row| row.map(str::to_owned).to_vec())
             .to_vec();
         assert_eq!([0, 1, 2, 3].map(|column| is_number_column(&rows, column)), [false, true, false, false]);
-        let html = table("", &["h".into()], &rows, "", Some(2)).into_string();
+        let html = table("", &["h".into()], &rows, &[], "", Some(2)).into_string();
         assert_eq!(html.matches("<td class=\"number\">").count(), 3);
         assert_eq!(html.matches("class=\"highlight\"").count(), 1);
     }

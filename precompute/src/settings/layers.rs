@@ -131,7 +131,11 @@ impl BakeSettings {
     }
 }
 
-fn parse(layer: &str, text: &str) -> Result<Table, SettingsError> {
+/// TOML of a layer.
+///
+/// # Errors
+/// [`SettingsError::Syntax`], with line and column.
+pub fn parse(layer: &str, text: &str) -> Result<Table, SettingsError> {
     text.parse::<Table>().map_err(|error| {
         let before = &text[..error.span().map_or(0, |span| text.floor_char_boundary(span.start))];
         let line = before.matches('\n').count() + 1;
@@ -144,7 +148,11 @@ fn parse(layer: &str, text: &str) -> Result<Table, SettingsError> {
 fn check_types(layer: &str, given: &Table) -> Result<(), SettingsError> {
     for (key, value) in given {
         if !OPTIONS.iter().any(|option| option.key == key) {
-            return Err(SettingsError::UnknownKey { layer: layer.into(), key: key.clone(), nearest: nearest(key) });
+            return Err(SettingsError::UnknownKey {
+                layer: layer.into(),
+                key: key.clone(),
+                nearest: nearest_option(key),
+            });
         }
         let alone = Table::from_iter([(key.clone(), value.clone())]);
         Value::Table(alone).try_into::<BakeSettings>().map_err(|error| SettingsError::WrongType {
@@ -160,11 +168,14 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The option whose name needs the fewest edits, if that is at most a third of its letters; dashes count as
-/// underscores.
-fn nearest(key: &str) -> Option<&'static str> {
+fn nearest_option(key: &str) -> Option<&'static str> {
+    nearest(key, OPTIONS.iter().map(|option| option.key))
+}
+
+/// The name that needs the fewest edits, if that is at most a third of its letters; dashes count as underscores.
+pub fn nearest<'a>(key: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let key = key.to_lowercase().replace('-', "_");
-    let (edits, name) = OPTIONS.iter().map(|option| (strsim::levenshtein(&key, option.key), option.key)).min()?;
+    let (edits, name) = names.map(|name| (strsim::levenshtein(&key, name), name)).min()?;
     (edits <= name.len().div_ceil(3)).then_some(name)
 }
 

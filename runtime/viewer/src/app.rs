@@ -36,6 +36,18 @@ pub struct App<'a> {
     camera: usize,
 }
 
+/// What stays as the user has it when the file is loaded again.
+pub struct Kept {
+    state: ViewState,
+    first_lighting: Lighting,
+    viewport: Viewport,
+    shows_panel: bool,
+    shows_keys: bool,
+    seconds: f32,
+    render_scale: f32,
+    camera: usize,
+}
+
 /// What only the window can do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Requests {
@@ -99,6 +111,30 @@ impl<'a> App<'a> {
             ev: 0.0,
             camera,
         }
+    }
+
+    /// Leaves the bake.
+    pub fn keep(self) -> Kept {
+        let Self { bake: _, state, first_lighting, viewport, shows_panel, shows_keys, seconds, render_scale, .. } =
+            self;
+        let camera = self.camera;
+        Kept { state, first_lighting, viewport, shows_panel, shows_keys, seconds, render_scale, camera }
+    }
+
+    /// Another bake as it was left: with the same camera, light and look. What names a part of the bake is dropped: receivers and
+    /// probes have other numbers there.
+    pub fn resume(bake: &'a OpenBake<'a>, kept: Kept) -> Self {
+        let Kept { mut state, first_lighting, viewport, shows_panel, shows_keys, seconds, render_scale, camera } = kept;
+        (state.overlays.probe, state.overlays.receiver) = (None, None);
+        let is_there = |name: &String| bake.scene().materials.iter().any(|material| material.name == *name);
+        state.materials.retain(|name, _| is_there(name));
+        if check_view(bake, state.look.view).is_err() {
+            state.look.view = ViewKind::Final;
+        }
+        let viewport = Viewport { held: None, ..viewport };
+        let camera = camera.min(bake.cameras.len() - 1);
+        let app = Self::new(bake, state, camera, first_lighting);
+        Self { viewport, shows_panel, shows_keys, seconds, render_scale, ..app }
     }
 
     /// Shows a view, or says why it cannot.

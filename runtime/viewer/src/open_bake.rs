@@ -10,7 +10,7 @@ use localprt_tools::error::{CommandError, Exit};
 use localprt_tools::inputs;
 use localprt_tools::reference_file::ReferenceFile;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// A baked file and the scene that it was baked from.
 pub struct Files {
@@ -24,6 +24,18 @@ pub struct Files {
     pub reference: Option<ReferenceFile>,
     /// Why there is no reference although there is a file.
     pub reference_note: Option<String>,
+    /// Time and length of the baked file when it was opened; `None` in pages.
+    pub stamp: Option<FileStamp>,
+}
+
+/// Time of the last change of a file, and its length.
+pub type FileStamp = (SystemTime, u64);
+
+/// `None` of a file that is not there.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn stamp(path: &Path) -> Option<FileStamp> {
+    let data = std::fs::metadata(path).ok()?;
+    Some((data.modified().ok()?, data.len()))
 }
 
 impl Files {
@@ -41,21 +53,42 @@ impl Files {
             let what = format!("is not the scene that {name} was baked from");
             return Err(CommandError::new(Exit::InvalidInput, what).in_file(Path::new(scene_name)));
         }
-        Ok(Self { path, baked, scene, reference: None, reference_note: None })
+        Ok(Self { path, baked, scene, reference: None, reference_note: None, stamp: None })
     }
 
     /// Opens a baked file and finds its scene: `scene`, or the one named in the file.
     ///
     /// # Errors
     /// A file or scene that is missing, broken, or not the one that was baked, with its remedy and exit code.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn open(path: &Path, scene: Option<&Path>) -> Result<Self, CommandError> {
+        // Before it is read: a file that is replaced meanwhile is another one.
+        let stamp = stamp(path);
         let baked = inputs::baked(path)?;
         let scene = inputs::baked_scene(path, baked.metadata(), scene)?;
         let (reference, reference_note) = reference_beside(path, &baked);
-        Ok(Self { path: path.to_owned(), baked, scene, reference, reference_note })
+        Ok(Self { path: path.to_owned(), baked, scene, reference, reference_note, stamp })
     }
 }
 
+#[cfg(not(target_arch = "wasm32"))]
+impl Files {
+    /// Whether they can be shown, as far as that is quick to tell.
+    ///
+    /// # Errors
+    /// As [`OpenBake::new`].
+    pub(crate) fn check(&self) -> Result<(), CommandError> {
+        inputs::checked(&self.path, &self.baked)?;
+        self.scene.bounds().map(drop).ok_or_else(|| empty(&self.path))
+    }
+}
+
+fn empty(path: &Path) -> CommandError {
+    let help = "bake a scene that has some";
+    CommandError::new(Exit::InvalidInput, "the scene has no triangles").in_file(path).help(help)
+}
+
+#[cfg(not(target_arch = "wasm32"))]
 fn reference_beside(path: &Path, baked: &Baked) -> (Option<ReferenceFile>, Option<String>) {
     let beside = ReferenceFile::path_beside(path);
     if !beside.exists() {
@@ -92,11 +125,7 @@ impl<'a> OpenBake<'a> {
     /// A scene without triangles, or a file whose transport breaks a rule.
     pub fn new(files: &'a Files) -> Result<Self, CommandError> {
         let (scene, baked) = (&files.scene, inputs::checked(&files.path, &files.baked)?);
-        let empty = || {
-            let help = "bake a scene that has some";
-            CommandError::new(Exit::InvalidInput, "the scene has no triangles").in_file(&files.path).help(help)
-        };
-        let bounds = scene.bounds().ok_or_else(empty)?;
+        let bounds = scene.bounds().ok_or_else(|| empty(&files.path))?;
         let caster = inputs::caster(scene)?;
         let texels = scene_texels(&caster, baked.view());
         let cameras = match scene.cameras.is_empty() {

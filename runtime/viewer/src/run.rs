@@ -7,7 +7,7 @@ use crate::frame::check_view;
 use crate::headless::{Headless, picture_size};
 use crate::open_bake::{Files, OpenBake};
 use crate::state::{Ball, Bounces, Door, LitObject, SceneLight, ViewState, new_light, torch};
-use crate::window::{self, WindowOptions};
+use crate::window::{Reloaded, Session, WindowOptions};
 use localprt_runtime::MAX_OCCLUDERS;
 use localprt_scenes::LightKind;
 use localprt_tools::error::{CommandError, Exit};
@@ -46,11 +46,6 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         }
         return Headless { bake: &bake, state, size }.run(cli, started);
     }
-    let mut app = App::new(&bake, state, camera, lighting);
-    if needs_daylight {
-        app.notice = Some("nothing shone here, so there are a sun and a sky now".into());
-    }
-    app.shows_panel = !cli.no_panel;
     let options = WindowOptions {
         size: cli.size.unwrap_or((1280, 720)),
         screenshot: cli.screenshot.clone(),
@@ -58,7 +53,22 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         lose_device: cli.lose_device,
         started,
     };
-    window::run(app, options)
+    let mut session = Session::new(options)?;
+    let mut app = App::new(&bake, state, camera, lighting);
+    if needs_daylight {
+        app.notice = Some("nothing shone here, so there are a sun and a sky now".into());
+    }
+    app.shows_panel = !cli.no_panel;
+    let mut next = session.show(app, cli.scene.as_deref())?;
+    drop(bake);
+    drop(files);
+    while let Some(Reloaded { files, kept }) = next {
+        let bake = OpenBake::new(&files)?;
+        let mut app = App::resume(&bake, kept);
+        app.notice = Some(format!("{} has changed and was loaded again", files.path.display()));
+        next = session.show(app, cli.scene.as_deref())?;
+    }
+    Ok(())
 }
 
 fn set_look(state: &mut ViewState, cli: &Cli) {

@@ -3,8 +3,12 @@
 mod screen;
 
 use crate::app::App;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::app::Kept;
 use crate::frame::Renderer;
 use crate::gpu::Gpu;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::open_bake::{FileStamp, Files, stamp};
 use crate::panel::{Figures, History};
 use crate::scene_overlays::overlay_lines;
 use crate::stage::Stage;
@@ -24,6 +28,8 @@ use web_time::Instant;
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+#[cfg(not(target_arch = "wasm32"))]
+use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
 use winit::window::{Window, WindowId};
 
 /// Frames without a change after which nothing is drawn again: all bounces have arrived.
@@ -36,6 +42,7 @@ const OUT_OF_SIGHT: Duration = Duration::from_millis(100);
 const MOST_LOSSES: u32 = 3;
 
 /// How a window begins, and may end.
+#[cfg_attr(not(target_arch = "wasm32"), derive(Clone))]
 pub struct WindowOptions {
     /// Physical pixels.
     pub size: (u32, u32),
@@ -52,19 +59,99 @@ pub struct WindowOptions {
     pub page: crate::page::Page,
 }
 
-/// Opens the window and stays until it is closed.
-///
-/// # Errors
-/// No display, no adapter, a device that is too small.
+/// A window that stays while files come and go.
 #[cfg(not(target_arch = "wasm32"))]
-pub fn run(app: App<'_>, options: WindowOptions) -> Result<(), CommandError> {
-    let event_loop = EventLoop::new().map_err(|error| no_display(&error))?;
-    let mut host = Host::new(app, options);
-    event_loop.run_app(&mut host).map_err(|error| no_display(&error))?;
-    host.end.map_or(Ok(()), Err)
+pub struct Session {
+    event_loop: EventLoop<()>,
+    options: WindowOptions,
+    /// Left by the file that was shown before.
+    window: Option<(wgpu::Instance, Arc<Window>)>,
 }
 
-/// The same in a page, which goes on while the window is open.
+/// A file that has changed, and how the user had the one before.
+#[cfg(not(target_arch = "wasm32"))]
+pub struct Reloaded {
+    /// The file as it is now.
+    pub files: Files,
+    /// Camera, light, look.
+    pub kept: Kept,
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+impl Session {
+    /// Nothing is shown yet.
+    ///
+    /// # Errors
+    /// No display.
+    pub fn new(options: WindowOptions) -> Result<Self, CommandError> {
+        Ok(Self { event_loop: EventLoop::new().map_err(|error| no_display(&error))?, options, window: None })
+    }
+
+    /// Shows a bake until the window is closed, or the file was replaced by another that can be shown: then that is returned, and
+    /// the window stays for it. `scene` is the one that the user named.
+    ///
+    /// # Errors
+    /// No display, no adapter, a device that is too small.
+    pub fn show(&mut self, app: App<'_>, scene: Option<&Path>) -> Result<Option<Reloaded>, CommandError> {
+        let mut host = Host::new(app, self.options.clone());
+        host.replaced.scene = scene.map(Path::to_owned);
+        if let Some((instance, window)) = self.window.take() {
+            host.take_over(instance, window)?;
+        }
+        loop {
+            if let PumpStatus::Exit(_) = self.event_loop.pump_app_events(None, &mut host) {
+                return host.end.map_or(Ok(None), Err);
+            }
+            let Some(files) = host.replaced.by.take() else { continue };
+            self.options = WindowOptions { started: Instant::now(), lose_device: None, ..host.options };
+            if let Some(Shown { gpu, screen, renderer, .. }) = host.shown {
+                let window = screen.into_window();
+                drop(renderer);
+                self.window = Some((gpu.instance, window));
+            }
+            return Ok(Some(Reloaded { files, kept: host.app.keep() }));
+        }
+    }
+}
+
+/// Looks whether the baked file was replaced.
+#[cfg(not(target_arch = "wasm32"))]
+struct Replaced {
+    /// As the file shown was, or the last one that could not be shown.
+    stamp: Option<FileStamp>,
+    next_look: Instant,
+    scene: Option<PathBuf>,
+    /// The one that took its place.
+    by: Option<Files>,
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+impl Replaced {
+    /// Why another file that is there cannot be shown, once.
+    fn look(&mut self, path: &Path) -> Option<CommandError> {
+        let now = Instant::now();
+        if now < self.next_look {
+            return None;
+        }
+        self.next_look = now + STILL;
+        let found = stamp(path);
+        // Nothing is there for a moment, where a file is moved in place of another.
+        if found.is_none() || found == self.stamp {
+            return None;
+        }
+        self.stamp = found;
+        let opened = Files::open(path, self.scene.as_deref()).and_then(|files| files.check().map(|()| files));
+        match opened {
+            Ok(files) => {
+                self.by = Some(files);
+                None
+            }
+            Err(error) => Some(error),
+        }
+    }
+}
+
+/// Opens a window in a page, which goes on while the window is open.
 ///
 /// # Errors
 /// A page that has no events to give.
@@ -98,6 +185,8 @@ struct Host<'a> {
     options: WindowOptions,
     n_frames: u64,
     n_losses: u32,
+    #[cfg(not(target_arch = "wasm32"))]
+    replaced: Replaced,
     /// A device that was asked for and has come.
     #[cfg(target_arch = "wasm32")]
     coming: std::rc::Rc<std::cell::RefCell<Option<Result<Opened, CommandError>>>>,
@@ -124,6 +213,8 @@ struct Last {
 
 impl<'a> Host<'a> {
     fn new(app: App<'a>, options: WindowOptions) -> Self {
+        #[cfg(not(target_arch = "wasm32"))]
+        let stamp = app.bake.files.stamp;
         Self {
             app,
             shown: None,
@@ -132,6 +223,8 @@ impl<'a> Host<'a> {
             options,
             n_frames: 0,
             n_losses: 0,
+            #[cfg(not(target_arch = "wasm32"))]
+            replaced: Replaced { stamp, next_look: Instant::now(), scene: None, by: None },
             #[cfg(target_arch = "wasm32")]
             coming: Default::default(),
         }
@@ -216,10 +309,14 @@ impl<'a> Host<'a> {
         let Some(shown) = self.shown.take() else { return Ok(()) };
         let window = shown.screen.into_window();
         drop(shown.renderer);
-        let instance = shown.gpu.instance;
-        let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| no_display(&error))?;
         self.app.notice = Some("the graphics device was lost; everything is on a new one".into());
         tell("the graphics device was lost; everything is on a new one");
+        self.take_over(shown.gpu.instance, window)
+    }
+
+    /// Shows everything in a window that is there.
+    fn take_over(&mut self, instance: wgpu::Instance, window: Arc<Window>) -> Result<(), CommandError> {
+        let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| no_display(&error))?;
         self.ask_for_device(instance, window, surface)
     }
 
@@ -422,6 +519,11 @@ impl ApplicationHandler for Host<'_> {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        #[cfg(not(target_arch = "wasm32"))]
+        if let Some(error) = self.replaced.look(&self.app.bake.files.path) {
+            tell(&format!("the file has changed, and the one before stays: {error}"));
+            self.app.notice = Some(format!("the file has changed, and the one before stays: {}", error.what));
+        }
         let Some(shown) = &self.shown else { return };
         let is_hidden = shown.screen.size().0 == 0 || shown.screen.size().1 == 0;
         if is_hidden {

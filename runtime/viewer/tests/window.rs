@@ -217,6 +217,34 @@ fn a_dragged_light_takes_its_light_along() {
 }
 
 #[test]
+fn a_window_loads_a_file_that_was_replaced_and_keeps_its_light() {
+    let test = "a_window_loads_a_file_that_was_replaced_and_keeps_its_light";
+    let Some(baked) = SmallBake::new(test) else { return };
+    let Some(display) = Display::start(test) else { return };
+    let lights = r#"{"lights": [{"type": "point", "position": [0.4, 0.9, 0.5], "intensity": 3}]}"#;
+    fs::write(baked.folder().join("lamp.json"), lights).expect("written");
+    let size = size();
+    let look = ["--size", &size, "--bounces", "2", "--exposure", "1", "--view", "indirect", "--lights", "lamp.json"];
+    let before = headless(&baked, "before.png", &look);
+    let _window = display.viewer(baked.folder(), &[&[baked.file(), "--no-panel"], look.as_slice()].concat());
+    assert_eq!(display.screen_when(|pixels| pixels == before), before);
+
+    // What is no file for it is told, and the picture stays.
+    let file = baked.folder().join(baked.file());
+    let first = fs::read(&file).expect("a file");
+    let replace = |bytes: &[u8]| {
+        fs::write(baked.folder().join("new"), bytes).expect("written");
+        fs::rename(baked.folder().join("new"), &file).expect("moved");
+    };
+    replace(&first[..1000]);
+    std::thread::sleep(Duration::from_millis(1500));
+    baked.bake_again(5);
+    let after = headless(&baked, "after.png", &look);
+    assert!(n_different(&before, &after) > 1000, "another bake");
+    assert_eq!(display.screen_when(|pixels| pixels == after), after);
+}
+
+#[test]
 fn a_window_outlives_its_device() {
     let test = "a_window_outlives_its_device";
     let Some(baked) = SmallBake::new(test) else { return };

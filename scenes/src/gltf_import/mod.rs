@@ -26,7 +26,7 @@ use geometry::Geometry;
 use nodes::Placed;
 use resources::{Neighbors, Resources};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Loads a .gltf or .glb file, told apart by content, within the default [`Limits`].
 ///
@@ -55,6 +55,19 @@ pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Scene, LoadError> {
     let (source, limits) = (&Source::new(name.as_ref()), &Limits::default());
     resources::check_scene_length(source, limits, bytes.len() as u64)?;
     import(source, limits, bytes, Neighbors::None)
+}
+
+/// Files that a scene names beside itself, be they there or not: buffers and images. None of a scene that cannot be read.
+pub fn linked_files(path: impl AsRef<Path>) -> Vec<PathBuf> {
+    let (source, limits) = (&Source::new(path.as_ref()), &Limits::default());
+    let linked = || -> Result<Vec<PathBuf>, LoadError> {
+        let bytes = resources::read_scene_file(source, limits)?;
+        let document = document::parse(source, container::split(source, &bytes)?.json)?;
+        let buffers = document.buffers.iter().map(|buffer| &buffer.uri);
+        let uris = buffers.chain(document.images.iter().map(|image| &image.uri)).flatten();
+        Ok(uris.filter_map(|uri| resources::file_named(source, uri)).collect())
+    };
+    linked().unwrap_or_default()
 }
 
 fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) -> Result<Scene, LoadError> {

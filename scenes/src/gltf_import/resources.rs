@@ -307,6 +307,12 @@ impl<'a> Resources<'a> {
     }
 }
 
+/// The file that an address names, unchecked; `None` of a data URI.
+pub(super) fn file_named(source: &Source, uri: &str) -> Option<PathBuf> {
+    let decoded = percent_encoding::percent_decode_str(uri).decode_utf8().ok()?;
+    (!uri.starts_with("data:")).then(|| source.file.with_file_name(decoded.as_ref()))
+}
+
 /// Reads the scene file itself.
 pub(super) fn read_scene_file(source: &Source, limits: &Limits) -> Result<Vec<u8>, LoadError> {
     read_regular_file(&source.file, Amount::All { limit: limits.file_bytes }).map_err(|error| match error {

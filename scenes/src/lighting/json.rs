@@ -8,7 +8,7 @@ use glam::Vec3;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Lighting {
     /// The scene's own lights under a black sky, materials as they are.
@@ -53,6 +53,12 @@ impl Lighting {
     /// Any [`LightingError`].
     pub fn load_for(path: &Path, scene: &Scene) -> Result<Self, LightingError> {
         Self::from_json_for(&read(path)?, folder_of(path), scene)
+    }
+
+    /// The image that the sky of a lighting file is read from, be it there or not. None of a file that cannot be read.
+    pub fn sky_image_of(path: &Path) -> Option<PathBuf> {
+        let json: Value = serde_json::from_str(&read(path).ok()?).ok()?;
+        Some(folder_of(path).join(json["sky"]["file"].as_str()?))
     }
 
     /// Checks that the scene has every material that the overrides name.

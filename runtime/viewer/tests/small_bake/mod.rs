@@ -19,23 +19,16 @@ impl SmallBake {
             eprintln!("SKIPPED {test}: {error}");
             return None;
         }
-        let settings = BakeSettings {
-            probes: Some(12),
-            lightmap: Some(40),
-            direct_map: 64,
-            gather_rays: 128,
-            relight_rays: 1000,
-            receiver_degree: 1,
-            ..BakeSettings::default()
-        };
-        let scene = builtin::scene("cornell").expect("a built-in scene");
-        let progress = Progress::silent();
         let folder = tempfile::tempdir().expect("folder");
-        let (file, scene_file) = (folder.path().join("cornell.lprt"), folder.path().join("cornell.glb"));
-        let baked = bake(scene, &settings, &progress).expect("bakes");
-        baked.write(&file, &scene_file, None, &progress).expect("written");
-        let scene = localprt_scenes::load(&scene_file).expect("reads");
+        write_bake(folder.path(), 12);
+        let scene = localprt_scenes::load(folder.path().join("cornell.glb")).expect("reads");
         Some(Self { folder, scene })
+    }
+
+    /// Another bake in the place of the first.
+    #[allow(dead_code, reason = "not every test that has a small bake")]
+    pub fn bake_again(&self, probes: u32) {
+        write_bake(self.folder(), probes);
     }
 
     /// Where everything lies.
@@ -52,6 +45,21 @@ impl SmallBake {
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
+}
+
+fn write_bake(folder: &Path, probes: u32) {
+    let settings = BakeSettings {
+        probes: Some(probes),
+        lightmap: Some(40),
+        direct_map: 64,
+        gather_rays: 128,
+        relight_rays: 1000,
+        receiver_degree: 1,
+        ..BakeSettings::default()
+    };
+    let progress = Progress::silent();
+    let baked = bake(builtin::scene("cornell").expect("a built-in scene"), &settings, &progress).expect("bakes");
+    baked.write(&folder.join("cornell.lprt"), &folder.join("cornell.glb"), None, &progress).expect("written");
 }
 
 /// The viewer, in this folder.
