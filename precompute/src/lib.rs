@@ -31,6 +31,7 @@ pub mod diff;
 pub mod digest;
 pub mod error;
 pub mod figures;
+pub mod forecast;
 pub mod lightmap;
 mod morton;
 pub mod pipeline;

@@ -21,6 +21,7 @@ pub use write::Written;
 use crate::{
     cache::Cache,
     error::BakeError,
+    forecast::Room,
     lightmap::Atlas,
     plan::{BakePlan, Previous},
     progress::Progress,
@@ -56,6 +57,8 @@ pub struct BakeOutput {
 /// What a bake may use of others.
 #[derive(Clone, Copy, Default)]
 pub struct Reuse<'a> {
+    /// What the bake may take: one that is going to take more is refused after a few leaves. Absent: all there is.
+    pub room: Option<&'a Room>,
     /// Results by what they depend on. The output is the same with it and without.
     pub cache: Option<&'a Cache>,
     /// An earlier bake, whose charts, probes and leaves stay where they are as far as the scene lets them.

@@ -4,6 +4,7 @@ use super::{cache, check_output, grouped, print_data, shards, size, write_text};
 use crate::cli::{Bake, BakeFlags, CacheFlags, LayoutFlags};
 use localprt_precompute::cache::Cache;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
+use localprt_precompute::forecast::Room;
 use localprt_precompute::inputs;
 use localprt_precompute::output::{OutputError, check_writable};
 use localprt_precompute::pipeline::{self, BakeOutput, KeptBake, Reuse, Written};
@@ -111,7 +112,9 @@ fn bake_scene(
         // Whatever else lies there is replaced without a word.
         None => Previous::open(output).ok().filter(|previous| previous.plan.is_for(settings)),
     };
-    let baked = pipeline::bake_with(scene, settings, Reuse { cache, previous: previous.as_ref() }, progress);
+    let room = Room::for_file(output.to_owned());
+    let reuse = Reuse { cache, previous: previous.as_ref(), room: Some(&room) };
+    let baked = pipeline::bake_with(scene, settings, reuse, progress);
     let baked = baked.map_err(|error| of_scene(error, source))?;
     let written = write(baked, source, [output, scene_output], progress)?;
     if let Some(kept) = &kept {

@@ -40,7 +40,7 @@ pub fn plan(command: &Plan, progress: &Progress) -> Result<(), CommandError> {
     let place = command.cache.clone().unwrap_or_else(|| Place::Folder(ShardPlan::parts(path)));
     let cache = open(&place)?;
     let hash = hex(&scene.hash);
-    let reuse = Reuse { cache: Some(&cache), previous: named.as_ref() };
+    let reuse = Reuse { cache: Some(&cache), previous: named.as_ref(), room: None };
     let costs =
         pipeline::costs(scene, &settings, reuse, progress).map_err(|error| bake::of_scene(error, &command.scene))?;
     cache.finish(progress);
@@ -82,7 +82,7 @@ pub fn shard(path: &Path, number: u32, report: Option<&Path>, progress: &Progres
     };
     let leaves = shard.leaves.clone();
     let (n_shards, source, cache) = (planned.plan.shards.len(), planned.source, planned.cache);
-    let reuse = Reuse { cache: Some(&cache), previous: planned.previous.as_ref() };
+    let reuse = Reuse { cache: Some(&cache), previous: planned.previous.as_ref(), room: None };
     let kept = pipeline::keep_leaves(planned.scene, &planned.settings, reuse, &leaves, progress)
         .map_err(|error| bake::of_scene(error, &source))?;
     if cache.failed() > 0 {
@@ -116,7 +116,7 @@ pub fn merge(command: &Merge, progress: &Progress) -> Result<(), CommandError> {
     let planned = Planned::open(&command.plan, progress)?;
     let scene_output = bake::scene_output(&planned.source, &command.output)?;
     bake::check_baked_output(&command.output)?;
-    let reuse = Reuse { cache: Some(&planned.cache), previous: planned.previous.as_ref() };
+    let reuse = Reuse { cache: Some(&planned.cache), previous: planned.previous.as_ref(), room: None };
     let baked = pipeline::merge(planned.scene, &planned.settings, reuse, progress).map_err(|error| match error {
         BakeError::Missing { leaves } => missing(&planned.plan, &leaves).in_file(&command.plan),
         error => bake::of_scene(error, &planned.source),

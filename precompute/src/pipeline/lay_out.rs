@@ -130,7 +130,7 @@ impl LaidOut {
 
 /// The same with the layout of an earlier bake where it can be kept, or one that a cache holds; kept there if it is new.
 pub(super) fn lay_out_with(
-    Reuse { cache, previous }: Reuse<'_>,
+    Reuse { cache, previous, .. }: Reuse<'_>,
     scene: &Scene,
     caster: &RayCaster<'_>,
     space: &Space,

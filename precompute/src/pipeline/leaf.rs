@@ -9,15 +9,25 @@ use crate::{
     cells::CellGrid,
     clusters::{Cluster, RefineSettings, refine},
     error::BakeError,
+    forecast::{Forecast, Room},
     progress::Progress,
     rays::RayCaster,
     report::CacheUse,
     transport::{Links, RayCounts, TransportScene},
 };
 use glam::Vec3;
-use localprt_formats::{ClusterRecord, TransportBlock};
+use localprt_formats::{ClusterRecord, NearArrays, TransportBlock};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::{
+    sync::atomic::{AtomicU64, Ordering::Relaxed},
+    time::Instant,
+};
+
+/// Share of all leaves from which a forecast is made, and how many times as many the others have to be.
+const PILOT: f64 = 0.01;
+const LEAST_OTHERS: usize = 16;
+/// A file over its blocks of transport, about: probes, their rays and receivers.
+const FILE_OF_BLOCKS: f64 = 1.15;
 
 /// Work of a receiver for each probe of its leaf, and for each that supports it, over what it costs by itself.
 const COST_OF_PROBE: f64 = 0.02;
@@ -45,6 +55,8 @@ pub(super) struct LeafWork<'a> {
     cache: Option<LeafCache<'a>>,
     explains: bool,
     progress: &'a Progress,
+    /// What the bake may take; absent: nothing is forecast.
+    room: Option<&'a Room>,
 }
 
 impl<'a> LeafWork<'a> {
@@ -59,7 +71,12 @@ impl<'a> LeafWork<'a> {
         let _stage = cache.map(|_| progress.stage("cache", 0));
         let explains = cache.is_some_and(|cache| cache.options().explain);
         let cache = cache.and_then(|cache| LeafCache::of(cache, transport, refining));
-        Self { transport, refining, leaves, cache, explains, progress }
+        Self { transport, refining, leaves, cache, explains, progress, room: None }
+    }
+
+    /// The same with a forecast after a few leaves, if there is a room that they have to fit.
+    pub(super) fn within(self, room: Option<&'a Room>) -> Self {
+        Self { room, ..self }
     }
 
     /// Number of leaves.
@@ -73,17 +90,73 @@ impl<'a> LeafWork<'a> {
         let reused = AtomicU64::new(0);
         let n_receivers: usize = self.leaves.iter().map(Vec::len).sum();
         let stage = self.progress.stage(stage, n_receivers as u64);
-        let leaf = |members: &Vec<u32>| {
+        let leaf = |number: usize| {
             self.progress.check()?;
+            let members = &self.leaves[number];
             let (leaf, is_kept) = self.one(members);
             reused.fetch_add(u64::from(is_kept), Relaxed);
             stage.inc(members.len() as u64);
-            Ok(leaf)
+            Ok((number, leaf))
         };
-        let made = self.leaves.par_iter().map(leaf).collect::<Result<Vec<_>, BakeError>>()?;
+        let all = |numbers: Vec<usize>| numbers.into_par_iter().map(leaf).collect::<Result<Vec<_>, BakeError>>();
+        let (pilot, others) = self.pilot();
+        let started = Instant::now();
+        let mut made = all(pilot)?;
+        if reused.load(Relaxed) == 0 && !made.is_empty() {
+            let forecast = self.forecast(&made, started.elapsed().as_secs_f64());
+            self.progress.note(&format!(
+                "about {:.0} s for the leaves, {:.1} GB of memory, {:.0} MB for the file (from {} of {} leaves)",
+                forecast.seconds,
+                forecast.memory_bytes / 1e9,
+                forecast.file_bytes / 1e6,
+                made.len(),
+                self.leaves.len()
+            ));
+            self.room.map_or(Ok(()), |room| room.check(&forecast))?;
+        }
+        made.extend(all(others)?);
+        made.sort_unstable_by_key(|(number, _)| *number);
+        let made: Vec<LeafTransport> = made.into_iter().map(|(_, leaf)| leaf).collect();
         let reused = reused.into_inner();
         let use_of_cache = CacheUse { reused, baked: made.len() as u64 - reused };
         Ok((made, use_of_cache))
+    }
+
+    /// Numbers of some leaves from which the others can be told, evenly over what they cost; and of the others. None of a bake of
+    /// few leaves.
+    fn pilot(&self) -> (Vec<usize>, Vec<usize>) {
+        let count = (self.leaves.len() as f64 * PILOT).ceil() as usize;
+        let count = count.next_multiple_of(rayon::current_num_threads().max(1));
+        let mut order: Vec<usize> = (0..self.leaves.len()).collect();
+        if self.room.is_none() || count * LEAST_OTHERS > order.len() {
+            return (Vec::new(), order);
+        }
+        let costs = self.costs();
+        order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
+        let is_pilot = |rank: usize| (0..count).any(|place| (2 * place + 1) * order.len() / (2 * count) == rank);
+        let (pilot, mut others): (Vec<(usize, usize)>, Vec<_>) =
+            order.iter().copied().enumerate().partition(|(rank, _)| is_pilot(*rank));
+        others.sort_unstable_by_key(|(_, number)| *number);
+        let numbers = |pairs: Vec<(usize, usize)>| pairs.into_iter().map(|(_, number)| number).collect();
+        (numbers(pilot), numbers(others))
+    }
+
+    /// What the bake takes, by what some of its leaves took.
+    fn forecast(&self, made: &[(usize, LeafTransport)], seconds: f64) -> Forecast {
+        let costs = self.costs();
+        let of_made: f64 = made.iter().map(|(number, _)| costs[*number]).sum();
+        let share = costs.iter().sum::<f64>() / of_made.max(f64::MIN_POSITIVE);
+        let receivers: usize = made.iter().map(|(_, leaf)| leaf.members.len()).sum();
+        let all: usize = self.leaves.iter().map(Vec::len).sum();
+        let blocks: usize = made.iter().map(|(_, leaf)| leaf.block_bytes()).sum();
+        let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
+        let resident = crate::report::peak_rss_bytes("self").unwrap_or(0) as f64;
+        // Leaves and the file's arrays are there together.
+        Forecast {
+            seconds: seconds * share,
+            memory_bytes: resident + 2.0 * blocks,
+            file_bytes: FILE_OF_BLOCKS * blocks,
+        }
     }
 
     /// Makes some of the leaves, by number, that the cache does not hold yet, and keeps them there.
@@ -169,6 +242,15 @@ fn explanation(members: &[u32], positions: &[Vec3], why: Why) -> String {
 }
 
 impl LeafTransport {
+    /// Bytes of its block, but for padding.
+    fn block_bytes(&self) -> usize {
+        let TransportBlock { clusters, cluster_probes, projection, reconstruction, near } = &self.block;
+        let NearArrays { tiles, nodes, counts, links, weights } = near;
+        let matrices = size_of_val(&projection[..]) + size_of_val(&reconstruction[..]);
+        let of_near = size_of_val(&tiles[..]) + size_of_val(&nodes[..]) + counts.len() + links.len() + weights.len();
+        size_of_val(&clusters[..]) + size_of_val(&cluster_probes[..]) + matrices + of_near
+    }
+
     fn of(clusters: Vec<Cluster>, rays: RayCounts) -> Self {
         let mut leaf = Self {
             block: TransportBlock::default(),
@@ -196,4 +278,38 @@ impl LeafTransport {
 /// Receivers of all leaves in stored order.
 pub(super) fn stored_members(leaves: &[LeafTransport]) -> Vec<u32> {
     leaves.iter().flat_map(|leaf| leaf.members.iter().copied()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Reuse, bake_with};
+    use crate::{error::BakeError, forecast::Room, progress::Progress, settings::BakeSettings};
+    use localprt_scenes::builtin;
+
+    #[test]
+    fn a_bake_that_cannot_fit_is_refused_before_most_of_its_leaves_are_made() {
+        let settings = BakeSettings {
+            probes: Some(12),
+            receivers: 3000,
+            direct_map: 64,
+            gather_rays: 16,
+            relight_rays: 64,
+            leaf: 16,
+            ..BakeSettings::default()
+        };
+        let bake = |room: &Room| {
+            let reuse = Reuse { room: Some(room), ..Reuse::default() };
+            bake_with(builtin::scene("cornell").expect("a scene"), &settings, reuse, &Progress::silent())
+        };
+        let roomy = Room { memory_bytes: Some(u64::MAX), disk: Some(("a.lprt".into(), u64::MAX)) };
+        let baked = bake(&roomy).expect("fits");
+        // The order of leaves is not that in which they are made.
+        let without = Reuse::default();
+        let scene = builtin::scene("cornell").expect("a scene");
+        assert!(baked.arrays == bake_with(scene, &settings, without, &Progress::silent()).expect("bakes").arrays);
+        let full = bake(&Room { memory_bytes: None, disk: Some(("a.lprt".into(), 1000)) });
+        assert!(matches!(full, Err(BakeError::Output(_))));
+        let small = bake(&Room { memory_bytes: Some(1000), disk: None });
+        assert!(matches!(small, Err(BakeError::Limit { .. })));
+    }
 }

@@ -254,7 +254,7 @@ mod tests {
     }
 
     fn reuse(cache: &Cache) -> Reuse<'_> {
-        Reuse { cache: Some(cache), previous: None }
+        Reuse { cache: Some(cache), ..Reuse::default() }
     }
 
     fn cached(scene: &Scene, settings: &BakeSettings, cache: &Cache) -> (BakedArrays, CacheUse) {
@@ -422,7 +422,7 @@ mod tests {
         let unchanged = bake_with(
             scene.clone(),
             settings,
-            Reuse { cache: Some(&cache), previous: Some(&previous) },
+            Reuse { cache: Some(&cache), previous: Some(&previous), room: None },
             &Progress::silent(),
         );
         assert_eq!(unchanged.expect("bakes").report.cache, Some(CacheUse { reused: all, baked: 0 }));
@@ -430,7 +430,7 @@ mod tests {
             let mut edited = scene.clone();
             edit(&mut edited);
             let bake = |cache| {
-                let reuse = Reuse { cache, previous: Some(&previous) };
+                let reuse = Reuse { cache, previous: Some(&previous), room: None };
                 bake_with(edited.clone(), settings, reuse, &Progress::silent()).expect("bakes")
             };
             let (expected, found) = (bake(None), bake(Some(&cache)));

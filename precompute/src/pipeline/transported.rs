@@ -93,7 +93,7 @@ pub(super) struct Given<'a> {
 /// Hands over the leaves of a bake, none of which is made yet.
 pub(super) fn with_leaves<T>(
     Given { caster, receivers, placed, views, settings }: Given<'_>,
-    Reuse { cache, previous }: Reuse<'_>,
+    Reuse { cache, previous, room }: Reuse<'_>,
     progress: &Progress,
     then: impl FnOnce(Stages<'_>) -> Result<T, BakeError>,
 ) -> Result<T, BakeError> {
@@ -155,7 +155,7 @@ pub(super) fn with_leaves<T>(
         .zip(of_volume.as_ref())
         .map(|(transport, (_, _, members))| LeafWork::of(transport, &refining, members, cache, progress));
     then(Stages {
-        leaves: LeafWork::of(&transport, &refining, &members, cache, progress),
+        leaves: LeafWork::of(&transport, &refining, &members, cache, progress).within(room),
         volume,
         tree,
         near_least_gain: near.as_ref().map(NearField::least_gain),
