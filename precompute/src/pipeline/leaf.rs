@@ -26,8 +26,8 @@ use std::{
 /// Share of all leaves from which a forecast is made, and how many times as many the others have to be.
 const PILOT: f64 = 0.01;
 const LEAST_OTHERS: usize = 16;
-/// A file over its blocks of transport, about: probes, their rays and receivers.
-const FILE_OF_BLOCKS: f64 = 1.15;
+/// Bytes of a file for each receiver, but for its block: texel, place, normal, unseen share, and about one gutter texel.
+const OF_RECEIVER: f64 = 40.0;
 
 /// Work of a receiver for each probe of its leaf, and for each that supports it, over what it costs by itself.
 const COST_OF_PROBE: f64 = 0.02;
@@ -57,6 +57,8 @@ pub(super) struct LeafWork<'a> {
     progress: &'a Progress,
     /// What the bake may take; absent: nothing is forecast.
     room: Option<&'a Room>,
+    /// Bytes of the file that do not depend on the receivers.
+    beside_bytes: u64,
 }
 
 impl<'a> LeafWork<'a> {
@@ -71,12 +73,13 @@ impl<'a> LeafWork<'a> {
         let _stage = cache.map(|_| progress.stage("cache", 0));
         let explains = cache.is_some_and(|cache| cache.options().explain);
         let cache = cache.and_then(|cache| LeafCache::of(cache, transport, refining));
-        Self { transport, refining, leaves, cache, explains, progress, room: None }
+        Self { transport, refining, leaves, cache, explains, progress, room: None, beside_bytes: 0 }
     }
 
-    /// The same with a forecast after a few leaves, if there is a room that they have to fit.
-    pub(super) fn within(self, room: Option<&'a Room>) -> Self {
-        Self { room, ..self }
+    /// The same with a forecast after a few leaves, if there is a room that they have to fit. `beside_bytes` are those of the file that
+    /// do not depend on the receivers.
+    pub(super) fn within(self, room: Option<&'a Room>, beside_bytes: u64) -> Self {
+        Self { room, beside_bytes, ..self }
     }
 
     /// Number of leaves.
@@ -151,12 +154,9 @@ impl<'a> LeafWork<'a> {
         let blocks: usize = made.iter().map(|(_, leaf)| leaf.block_bytes()).sum();
         let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
         let resident = crate::report::peak_rss_bytes("self").unwrap_or(0) as f64;
-        // Leaves and the file's arrays are there together.
-        Forecast {
-            seconds: seconds * share,
-            memory_bytes: resident + 2.0 * blocks,
-            file_bytes: FILE_OF_BLOCKS * blocks,
-        }
+        let file_bytes = blocks + OF_RECEIVER * all as f64 + self.beside_bytes as f64;
+        // Leaves, the file's arrays, and the bytes of the file.
+        Forecast { seconds: seconds * share, memory_bytes: resident + 3.0 * file_bytes, file_bytes }
     }
 
     /// Makes some of the leaves, by number, that the cache does not hold yet, and keeps them there.

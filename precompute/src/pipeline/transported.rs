@@ -15,6 +15,7 @@ use crate::{
     probes,
     progress::Progress,
     rays::RayCaster,
+    relight_rays::RelightRays,
     report::CacheUse,
     settings::BakeSettings,
     transport::{GatherSet, NearField, RayCounts, Receivers, TransportScene},
@@ -154,8 +155,11 @@ pub(super) fn with_leaves<T>(
         .as_ref()
         .zip(of_volume.as_ref())
         .map(|(transport, (_, _, members))| LeafWork::of(transport, &refining, members, cache, progress));
+    let RelightRays { dirs, sh, uv, level, distance, .. } = &views.rays;
+    let of_rays =
+        size_of_val(&dirs[..]) + size_of_val(&sh[..]) + size_of_val(&uv[..]) + level.len() + size_of_val(&distance[..]);
     then(Stages {
-        leaves: LeafWork::of(&transport, &refining, &members, cache, progress).within(room),
+        leaves: LeafWork::of(&transport, &refining, &members, cache, progress).within(room, of_rays as u64),
         volume,
         tree,
         near_least_gain: near.as_ref().map(NearField::least_gain),
