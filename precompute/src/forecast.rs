@@ -1,7 +1,10 @@
 //! What a bake is going to take, told from a few of its leaves before the others are made; and what there is.
 
 use crate::{error::BakeError, output::OutputError};
-use std::{fs, io, path::PathBuf};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 /// A forecast is this sure: what is less than this share of it short is tried.
 const SURE: f64 = 0.8;
@@ -68,7 +71,10 @@ fn available_memory() -> Option<u64> {
     let of_group = || -> Option<u64> {
         let text = fs::read_to_string("/proc/self/cgroup").ok()?;
         let group = text.lines().find_map(|line| line.strip_prefix("0::/"))?;
-        fs::read_to_string(format!("/sys/fs/cgroup/{group}/memory.max")).ok()?.trim().parse().ok()
+        // A group has no more than those that it is in.
+        let groups = Path::new("/sys/fs/cgroup").join(group);
+        let most = |folder: &Path| fs::read_to_string(folder.join("memory.max")).ok()?.trim().parse::<u64>().ok();
+        groups.ancestors().take_while(|folder| folder.starts_with("/sys/fs/cgroup")).filter_map(most).min()
     };
     [of_machine(), of_group()].into_iter().flatten().min()
 }
@@ -81,13 +87,13 @@ pub fn resident_bytes() -> Option<u64> {
 }
 
 #[cfg(unix)]
-fn free_bytes(folder: &std::path::Path) -> Option<u64> {
+fn free_bytes(folder: &Path) -> Option<u64> {
     let facts = nix::sys::statvfs::statvfs(folder).ok()?;
     Some(facts.blocks_available() as u64 * facts.fragment_size() as u64)
 }
 
 #[cfg(not(unix))]
-fn free_bytes(_: &std::path::Path) -> Option<u64> {
+fn free_bytes(_: &Path) -> Option<u64> {
     None
 }
 

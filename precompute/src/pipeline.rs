@@ -110,7 +110,7 @@ pub fn costs(
     }
 }
 
-/// Makes some leaves of a bake, numbered as in [`costs`], and keeps them in the cache, but for those that it holds already.
+/// Makes some leaves of a bake that has so many, numbered as in [`costs`], and keeps them in the cache, but for those that it holds already.
 ///
 /// # Errors
 /// See [`bake_with`].
@@ -118,16 +118,16 @@ pub fn keep_leaves(
     scene: Scene,
     settings: &BakeSettings,
     reuse: Reuse<'_>,
-    numbers: &[usize],
+    (numbers, n_leaves): (&[usize], usize),
     progress: &Progress,
 ) -> Result<CacheUse, BakeError> {
-    match run(scene, settings, reuse, Task::Keep(numbers), progress)? {
+    match run(scene, settings, reuse, Task::Keep(numbers, n_leaves), progress)? {
         Outcome::Kept(use_of_cache) => Ok(use_of_cache),
         _ => Err(no_such_outcome()),
     }
 }
 
-/// A bake from leaves that the cache holds, all of them.
+/// A bake from leaves that the cache holds, all of so many.
 ///
 /// # Errors
 /// See [`bake_with`]; [`BakeError::Missing`] with the numbers of leaves that are not there.
@@ -135,9 +135,10 @@ pub fn merge(
     scene: Scene,
     settings: &BakeSettings,
     reuse: Reuse<'_>,
+    n_leaves: usize,
     progress: &Progress,
 ) -> Result<BakeOutput, BakeError> {
-    match run(scene, settings, reuse, Task::Merge, progress)? {
+    match run(scene, settings, reuse, Task::Merge(n_leaves), progress)? {
         Outcome::Baked(baked) => Ok(*baked),
         _ => Err(no_such_outcome()),
     }
@@ -147,9 +148,11 @@ pub fn merge(
 #[derive(Clone, Copy)]
 enum Task<'a> {
     Bake,
-    Merge,
+    /// Of so many leaves.
+    Merge(usize),
     Costs,
-    Keep(&'a [usize]),
+    /// Some leaves of so many.
+    Keep(&'a [usize], usize),
 }
 
 /// What became of the leaves.
@@ -173,9 +176,13 @@ impl Task<'_> {
     fn run(self, stages: Stages<'_>, cells: Option<&VolumeCells>) -> Result<Done, BakeError> {
         match self {
             Self::Costs => Ok(Done::Costs(stages.costs())),
-            Self::Keep(numbers) => stages.keep(numbers).map(Done::Kept),
+            Self::Keep(_, n_leaves) | Self::Merge(n_leaves) if n_leaves != stages.len() => Err(BakeError::Option {
+                what: format!("the bake has {} leaves here, and {n_leaves} where it was planned", stages.len()),
+                remedy: "plan again, and bake on machines with the same kind of processor".into(),
+            }),
+            Self::Keep(numbers, _) => stages.keep(numbers).map(Done::Kept),
             Self::Bake => Transported::of(stages, cells).map(Box::new).map(Done::Transported),
-            Self::Merge => match stages.missing() {
+            Self::Merge(_) => match stages.missing() {
                 leaves if leaves.is_empty() => Self::Bake.run(stages, cells),
                 leaves => Err(BakeError::Missing { leaves }),
             },
@@ -218,6 +225,8 @@ fn run(
     let caster = RayCaster::new(&laid_out.scene).map_err(tree_error)?;
     let atlas = Atlas::of(&laid_out.scene);
     let LaidOut { layout, receivers, .. } = &laid_out;
+    // Probes and leaves of another scene are of no use.
+    let reuse = Reuse { previous: reuse.previous.filter(|_| laid_out.is_kept), ..reuse };
     let space = space.of_laid_out(&caster, layout, settings, progress)?;
 
     // Probes, what supports whom, and what each sees.

@@ -1,6 +1,7 @@
 //! The plan of a bake: where its charts, probes and leaves are and with which constants its rows were made. It lies in the baked file.
 //! A bake that keeps to the plan of an earlier one leaves all that an edit does not touch where it was, to the bit.
 
+use crate::lightmap::sides::BACK;
 use crate::{
     clusters::LeafTree,
     digest::{Digest, Digester},
@@ -11,8 +12,8 @@ use crate::{
     settings::BakeSettings,
     transport::FitConstants,
 };
-use glam::Vec3;
-use localprt_formats::Baked;
+use glam::{DVec3, Vec3};
+use localprt_formats::{Baked, directions::counter_uniform};
 use localprt_scenes::{Mesh, Scene};
 use localprt_tools::hex;
 use rayon::prelude::*;
@@ -22,10 +23,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// Stream of random numbers of this file.
+const STREAM: u64 = 0x706c_616e;
 /// Of the content of [`BakePlan`].
 const VERSION: u32 = 1;
-/// A mesh that has moved has the vertices that it had within this share of their distance from the origin: a rounding or two.
-const SAME: f32 = 1e-6;
+/// A mesh that has moved has its vertices where they were from its first within this share of their distance from the origin: some
+/// roundings.
+const SAME: f64 = 5e-7;
+/// Weighted sums of vertices that tell a mesh that has moved from one that is another.
+const SUMS: usize = 4;
 
 /// What a bake leaves to the next.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,6 +76,10 @@ pub struct MeshPlan {
     places: String,
     /// Its first vertex, metres.
     first: Vec3,
+    /// Sums over its vertices, from the first, with weights of their own, metres.
+    sums: [[f32; 3]; SUMS],
+    /// Vertices are no farther than this from the origin, metres.
+    reach: f32,
     /// Meshes with charts that became of it: front, back or both.
     pub parts: u32,
 }
@@ -96,7 +106,12 @@ impl BakePlan {
         let numbers = [plan.spread.gap, plan.near_least_gain.unwrap_or(1.0)];
         let fit = plan.fit.map_or([1.0; 2], |fit| [fit.spacing_m, fit.usual_scale]);
         let fit = [fit[0], fit[1], plan.volume_radius_m.unwrap_or(1.0)];
+        let fineness = plan.charts.as_ref().map_or([1.0; 3], |charts| {
+            let Fineness { finest, receivers, light_map } = charts.fineness;
+            [finest, receivers, light_map]
+        });
         let is_sound = plan.version == VERSION
+            && fineness.iter().all(|value| value.is_finite() && *value > 0.0)
             && plan.leaves.is_sound()
             && numbers.iter().all(|value| value.is_finite() && *value >= 0.0)
             && fit.iter().all(|value| value.is_finite() && *value > 0.0);
@@ -119,7 +134,31 @@ impl MeshPlan {
     pub fn of(scene: &Scene, mesh: &Mesh, parts: u32) -> Self {
         let first = mesh.positions.first().copied().unwrap_or_default();
         let places = hex(&Digester::new("places").all(&mesh.positions).finish());
-        Self { shape: hex(&digest_of_shape(scene, mesh)), places, first, parts }
+        let mut sums = [DVec3::ZERO; SUMS];
+        for (place, number) in mesh.positions.iter().zip(0..) {
+            for (sum, stream) in sums.iter_mut().zip(0..) {
+                let weight = 2.0 * counter_uniform(STREAM, number, stream) - 1.0;
+                *sum += (place.as_dvec3() - first.as_dvec3()) * weight;
+            }
+        }
+        let reach = mesh.positions.iter().map(|place| place.abs().max_element()).fold(0.0, f32::max);
+        let sums = sums.map(|sum| sum.as_vec3().to_array());
+        Self { shape: hex(&digest_of_shape(scene, mesh)), places, first, sums, reach, parts }
+    }
+}
+
+impl MeshPlan {
+    /// Whether vertices lie to each other as those of another mesh of this shape do.
+    fn has_moved_from(&self, other: &Self, mesh: &Mesh) -> bool {
+        let step = SAME * f64::from(self.reach.max(other.reach));
+        let most = step * (mesh.positions.len() as f64).sqrt().max(1.0);
+        self.first != other.first
+            && self
+                .sums
+                .iter()
+                .flatten()
+                .zip(other.sums.iter().flatten())
+                .all(|(a, b)| f64::from((a - b).abs()) <= most)
     }
 }
 
@@ -154,6 +193,8 @@ pub struct Previous {
     probes: Vec<Vec3>,
     radius_m: f32,
     size: u32,
+    /// Where its receivers stand, metres.
+    receivers: Vec<Vec3>,
 }
 
 /// A mesh of a scene beside the layout of an earlier bake.
@@ -196,7 +237,16 @@ impl Previous {
             }
         };
         let probes = view.probes.iter().map(|probe| Vec3::from(probe.position)).collect();
-        Ok(Self { path: path.to_owned(), plan, scene, probes, radius_m, size: view.metadata.lightmap_size })
+        let receivers = view.receiver_position.iter().map(|&position| Vec3::from(position)).collect();
+        let size = view.metadata.lightmap_size;
+        Ok(Self { path: path.to_owned(), plan, scene, probes, radius_m, size, receivers })
+    }
+
+    /// Whether most receivers stand where it had one: of a scene that brings its own layout, which tells nothing of what has changed.
+    pub fn is_of(&self, receivers: &[Vec3]) -> bool {
+        let place = |position: Vec3| position.to_array().map(f32::to_bits);
+        let there: HashSet<_> = self.receivers.iter().map(|&position| place(position)).collect();
+        2 * receivers.iter().filter(|position| there.contains(&place(**position))).count() > receivers.len()
     }
 
     /// Its probes.
@@ -247,22 +297,32 @@ impl Previous {
                 };
                 let is_it = |(other, parts): &(&MeshPlan, &[Mesh])| match has_moved {
                     false => other.places == plan.places,
-                    true => is_at(mesh, parts, plan.first - other.first),
+                    true => plan.has_moved_from(other, mesh) && is_at(mesh, parts, plan.first - other.first),
                 };
                 let Some(place) = others.iter().position(is_it) else { continue };
                 let (other, parts) = others.remove(place);
                 let moved = if has_moved { plan.first - other.first } else { Vec3::ZERO };
-                *laid = Laid::Kept(parts.iter().map(|part| of_now(part, mesh, moved)).collect());
+                // Front and back, or one of them: a back is turned, and only its name tells.
+                let is_back = |(place, part): (usize, &Mesh)| match parts.len() {
+                    1 => mesh.name != part.name && part.name.ends_with(BACK) && scene_is_two_sided(scene, mesh),
+                    _ => place == 1,
+                };
+                let of_part = |pair: (usize, &Mesh)| of_now(pair.1, is_back(pair), mesh, moved);
+                *laid = Laid::Kept(parts.iter().enumerate().map(of_part).collect());
             }
         }
         Some(laid)
     }
 }
 
+fn scene_is_two_sided(scene: &Scene, mesh: &Mesh) -> bool {
+    scene.materials[mesh.material].double_sided
+}
+
 /// Whether all vertices of a mesh are those of its former parts, moved.
 fn is_at(mesh: &Mesh, parts: &[Mesh], moved: Vec3) -> bool {
     let reach = mesh.positions.iter().map(|position| position.abs().max_element()).fold(1e-3, f32::max);
-    let step = 4.0 * SAME * (reach + moved.abs().max_element());
+    let step = 2.0 * SAME as f32 * (reach + moved.abs().max_element());
     let cell = |position: Vec3| (position / step).floor().as_i64vec3();
     let there: HashSet<_> = parts.iter().flat_map(|part| &part.positions).map(|&at| cell(at + moved)).collect();
     let used: HashSet<u32> = mesh.triangles.iter().flatten().copied().collect();
@@ -277,8 +337,8 @@ fn is_at(mesh: &Mesh, parts: &[Mesh], moved: Vec3) -> bool {
 }
 
 /// A part of a mesh as it was laid out, with names and material of the mesh as it is now.
-fn of_now(part: &Mesh, mesh: &Mesh, moved: Vec3) -> Mesh {
-    let back = if part.name.ends_with(crate::lightmap::sides::BACK) { crate::lightmap::sides::BACK } else { "" };
+fn of_now(part: &Mesh, is_back: bool, mesh: &Mesh, moved: Vec3) -> Mesh {
+    let back = if is_back { BACK } else { "" };
     let mut part = Mesh {
         name: format!("{}{back}", mesh.name),
         source: mesh.source.clone(),
@@ -306,9 +366,15 @@ mod tests {
         other.positions.iter_mut().for_each(|position| *position += moved);
         let parts = [mesh.clone()];
         assert!(is_at(&other, &parts, moved));
-        assert_eq!(of_now(&parts[0], &other, moved).positions, other.positions);
+        assert_eq!(of_now(&parts[0], false, &other, moved).positions, other.positions);
+        let plan = |mesh: &Mesh| MeshPlan::of(&scene, mesh, 1);
+        assert!(plan(&other).has_moved_from(&plan(mesh), &other));
+        // Two vertices in each other's place are where vertices were.
+        let mut turned = other.clone();
+        turned.positions.swap(1, 2);
+        assert!(is_at(&turned, &parts, moved) && !plan(&turned).has_moved_from(&plan(mesh), &turned));
         other.positions[2].y += 1e-3;
-        assert!(!is_at(&other, &parts, moved));
+        assert!(!is_at(&other, &parts, moved) && !plan(&other).has_moved_from(&plan(mesh), &other));
     }
 
     #[test]

@@ -20,17 +20,18 @@ pub struct LeafTree(Vec<Option<(u8, f32)>>);
 impl LeafTree {
     /// Whether it is a whole tree with planes that can be.
     pub fn is_sound(&self) -> bool {
-        // Subtrees still to come.
-        let mut open = 1usize;
+        // Levels of the subtrees still to come.
+        let mut open = vec![0];
         for node in &self.0 {
-            match (open, node) {
-                (0, _) => return false,
-                (_, None) => open -= 1,
-                (_, Some((axis, place))) if *axis < 3 && place.is_finite() => open += 1,
+            match (open.pop(), node) {
+                (Some(_), None) => {}
+                (Some(level), Some((axis, place))) if *axis < 3 && place.is_finite() && level < MOST_LEVELS => {
+                    open.extend([level + 1; 2]);
+                }
                 _ => return false,
             }
         }
-        open == 0 || self.0.is_empty()
+        open.is_empty() || self.0.is_empty()
     }
 }
 

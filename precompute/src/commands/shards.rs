@@ -34,6 +34,12 @@ pub fn plan(command: &Plan, progress: &Progress) -> Result<(), CommandError> {
     let settings = bake::settings(command.config.as_deref(), command.preset, &command.flags)?;
     let path = &command.output;
     inputs::check_scene(&command.scene)?;
+    let is_input =
+        |input: &Path| path.canonicalize().is_ok_and(|path| input.canonicalize().is_ok_and(|input| input == path));
+    if is_input(Path::new(&command.scene)) || command.layout.as_deref().is_some_and(is_input) {
+        let help = "give -o another name";
+        return Err(CommandError::new(Exit::Usage, "the plan would overwrite the input").in_file(path).help(help));
+    }
     check_writable(path)?;
     let scene = load(&command.scene, progress)?;
     let named = command.layout.as_deref().map(Previous::open).transpose()?;
@@ -83,8 +89,9 @@ pub fn shard(path: &Path, number: u32, report: Option<&Path>, progress: &Progres
     let leaves = shard.leaves.clone();
     let (n_shards, source, cache) = (planned.plan.shards.len(), planned.source, planned.cache);
     let reuse = Reuse { cache: Some(&cache), previous: planned.previous.as_ref(), room: None };
-    let kept = pipeline::keep_leaves(planned.scene, &planned.settings, reuse, &leaves, progress)
-        .map_err(|error| bake::of_scene(error, &source))?;
+    let kept =
+        pipeline::keep_leaves(planned.scene, &planned.settings, reuse, (&leaves, planned.plan.n_leaves()), progress)
+            .map_err(|error| bake::of_scene(error, &source))?;
     if cache.failed() > 0 {
         let what = format!("{} results could not be kept", cache.failed());
         return Err(CommandError::new(Exit::Io, what)
@@ -117,10 +124,12 @@ pub fn merge(command: &Merge, progress: &Progress) -> Result<(), CommandError> {
     let scene_output = bake::scene_output(&planned.source, &command.output)?;
     bake::check_baked_output(&command.output)?;
     let reuse = Reuse { cache: Some(&planned.cache), previous: planned.previous.as_ref(), room: None };
-    let baked = pipeline::merge(planned.scene, &planned.settings, reuse, progress).map_err(|error| match error {
-        BakeError::Missing { leaves } => missing(&planned.plan, &leaves).in_file(&command.plan),
-        error => bake::of_scene(error, &planned.source),
-    })?;
+    let baked = pipeline::merge(planned.scene, &planned.settings, reuse, planned.plan.n_leaves(), progress).map_err(
+        |error| match error {
+            BakeError::Missing { leaves } => missing(&planned.plan, &leaves).in_file(&command.plan),
+            error => bake::of_scene(error, &planned.source),
+        },
+    )?;
     let report = bake::write(baked, &planned.source, [&command.output, &scene_output], progress)?.report;
     match command.report.as_deref() {
         Some(path) if path == Path::new("-") => print_data(&report.to_json()),

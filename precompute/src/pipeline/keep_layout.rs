@@ -30,6 +30,13 @@ pub(super) fn keep_layout(
     progress: &Progress,
 ) -> Result<Option<LaidOut>, BakeError> {
     let Some(laid) = previous.laid(scene) else { return Ok(None) };
+    // The set of the light map may be one that a new mesh has for its textures.
+    let is_taken = |(mesh, laid): (&Mesh, &Laid)| {
+        matches!(laid, Laid::New) && previous.light_map_set().is_some_and(|set| mesh.uv_set(set).is_some())
+    };
+    if scene.light_map_set != previous.light_map_set() && scene.meshes.iter().zip(&laid).any(is_taken) {
+        return Ok(None);
+    }
     let Some(fineness) = previous.plan.charts.as_ref().map(|charts| charts.fineness) else { return Ok(None) };
     let stage = progress.stage("unwrap", 0);
     let n_kept = laid.iter().filter(|laid| matches!(laid, Laid::Kept(_))).count();
@@ -89,7 +96,7 @@ pub(super) fn keep_layout(
         size,
         charts: atlas.n_charts,
     };
-    Ok(Some(LaidOut { scene: split, layout, receivers, charts: Some(plan) }))
+    Ok(Some(LaidOut { scene: split, layout, receivers, charts: Some(plan), is_kept: true }))
 }
 
 enum Refusal {

@@ -112,6 +112,8 @@ pub(super) struct LaidOut {
     pub(super) receivers: ReceiverSet,
     /// Whose charts are whose; `None` of a layout that the scene brought.
     pub(super) charts: Option<ChartPlan>,
+    /// It is that of an earlier bake, whose probes and leaves belong to the same scene.
+    pub(super) is_kept: bool,
 }
 
 impl LaidOut {
@@ -138,7 +140,11 @@ pub(super) fn lay_out_with(
     progress: &Progress,
 ) -> Result<LaidOut, BakeError> {
     let reason = match own_layout(scene, settings, progress)? {
-        Ok(laid_out) => return Ok(laid_out),
+        Ok(laid_out) => {
+            // The same texels, and so about the same surfaces.
+            let is_kept = previous.is_some_and(|previous| previous.is_of(&laid_out.receivers.position));
+            return Ok(LaidOut { is_kept, ..laid_out });
+        }
         Err(reason) => reason,
     };
     if let Some(previous) = previous {
@@ -153,7 +159,7 @@ pub(super) fn lay_out_with(
     let cache = cache.map(|cache| LayoutCache::of(cache, scene, settings));
     if let Some((scene, layout, charts)) = cache.as_ref().and_then(|cache| cache.find(scene)) {
         let receivers = place_receivers(&scene, &Atlas::of(&scene), layout.size, progress)?;
-        return Ok(LaidOut { scene, layout, receivers, charts: Some(charts) });
+        return Ok(LaidOut { scene, layout, receivers, charts: Some(charts), is_kept: false });
     }
     let laid_out = lay_out(scene, caster, space, settings, reason, progress)?;
     if let (Some(cache), Some(charts)) = (cache, &laid_out.charts) {
@@ -178,7 +184,7 @@ fn own_layout(
     let atlas = Atlas::of(scene);
     let receivers = place_receivers(scene, &atlas, texels, progress)?;
     let layout = LayoutReport { kept: true, size: texels, charts: atlas.n_charts, ..LayoutReport::default() };
-    Ok(Ok(LaidOut { scene: scene.clone(), layout, receivers, charts: None }))
+    Ok(Ok(LaidOut { scene: scene.clone(), layout, receivers, charts: None, is_kept: false }))
 }
 
 fn layout_size(settings: &BakeSettings) -> LayoutSize {
@@ -254,7 +260,7 @@ fn lay_out(
             let fineness =
                 Fineness { finest: charts.finest(), receivers: of_receivers as f32, light_map: of_light_map as f32 };
             let plan = ChartPlan { fineness, meshes: meshes.clone() };
-            best = Some((miss, LaidOut { scene, layout, receivers, charts: Some(plan) }));
+            best = Some((miss, LaidOut { scene, layout, receivers, charts: Some(plan), is_kept: false }));
         }
         // Texels inside of geometry and in the holes of masks hold none: as many more are needed. A map or a texel that is given
         // may not allow them.

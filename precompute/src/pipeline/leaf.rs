@@ -9,7 +9,7 @@ use crate::{
     cells::CellGrid,
     clusters::{Cluster, RefineSettings, refine},
     error::BakeError,
-    forecast::{Forecast, Room},
+    forecast::{Forecast, Room, resident_bytes},
     progress::Progress,
     rays::RayCaster,
     report::CacheUse,
@@ -153,10 +153,11 @@ impl<'a> LeafWork<'a> {
         let all: usize = self.leaves.iter().map(Vec::len).sum();
         let blocks: usize = made.iter().map(|(_, leaf)| leaf.block_bytes()).sum();
         let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
-        let resident = crate::report::peak_rss_bytes("self").unwrap_or(0) as f64;
+        let peak = crate::report::peak_rss_bytes("self").unwrap_or(0) as f64;
         let file_bytes = blocks + OF_RECEIVER * all as f64 + self.beside_bytes as f64;
         // Leaves, the file's arrays, and the bytes of the file.
-        Forecast { seconds: seconds * share, memory_bytes: resident + 3.0 * file_bytes, file_bytes }
+        let now = resident_bytes().unwrap_or(0) as f64;
+        Forecast { seconds: seconds * share, memory_bytes: peak.max(now + 3.0 * file_bytes), file_bytes }
     }
 
     /// Makes some of the leaves, by number, that the cache does not hold yet, and keeps them there.

@@ -54,6 +54,11 @@ pub(super) struct Stages<'a> {
 }
 
 impl Stages<'_> {
+    /// Number of leaves.
+    pub(super) fn len(&self) -> usize {
+        self.leaves.len() + self.volume.as_ref().map_or(0, LeafWork::len)
+    }
+
     /// About how much work each leaf is: those of the lightmap, and after them those of the volume.
     pub(super) fn costs(&self) -> Vec<f64> {
         let mut costs = self.leaves.costs();

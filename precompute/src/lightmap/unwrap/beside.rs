@@ -149,7 +149,15 @@ pub(super) fn pack_beside(
             chart.corners.iter().map(|corners| corners.map(|corner| (corner - low) * chart.density)).collect()
         })
         .collect();
+    // None that is larger than the map, and not more than there is room for.
+    let high = in_texels.iter().flatten().flatten().map(|at| at.max_element()).fold(0.0, f32::max);
+    if high.is_nan() || high + 2.0 + 2.0 * padding as f32 > free.size as f32 {
+        return Ok(None);
+    }
     let masks: Vec<Mask> = in_texels.iter().map(|triangles| Mask::of(triangles, padding)).collect();
+    if masks.iter().map(|mask| mask.count).sum::<usize>() > free.run.iter().filter(|run| **run > 0).count() {
+        return Ok(None);
+    }
     let mut order: Vec<usize> = (0..charts.len()).collect();
     order.sort_by_key(|&chart| std::cmp::Reverse(masks[chart].count));
     let mut corners: Vec<Vec<Option<[Vec2; 3]>>> = vec![Vec::new(); charts.len()];

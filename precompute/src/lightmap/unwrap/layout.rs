@@ -231,10 +231,10 @@ impl Charts {
                 let unwrapped = Unwrapped { corners: self.spread(&dealt, &packed) };
                 return Ok((pieces::apply(scene, &unwrapped, &self.kept, size, set), size));
             }
-            tries += 1;
             if may_grow && size < MAX_SIZE {
                 size = ((f64::from(size) * (1.0 + GROWTH)) as u32 + 1).div_ceil(4).saturating_mul(4).min(MAX_SIZE);
             } else if tries < MOST_COARSER {
+                tries += 1;
                 density *= COARSER_BESIDE;
             } else {
                 return Err(UnwrapError::TooManyCharts { charts: dealt.charts.len() as u32, texels: size });
