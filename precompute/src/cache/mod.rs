@@ -2,7 +2,7 @@
 //!
 //! In and out: bytes ([`Packer`], [`Unpacker`]) under a kind and a [`Digest`]. A record appears whole or not at all, and carries its
 //! own checksum: one that does not match it counts as absent, and is made anew. What cannot be written is not kept, and that is all: a
-//! cache never fails a bake. Where records lie is left to a [`Store`].
+//! cache never fails a bake. Where records lie is left to a store: a folder or a bucket.
 
 #[cfg(feature = "bucket")]
 mod bucket;
