@@ -3,8 +3,9 @@
 //! In: a `Scene` (world space, metres) and [`BakeSettings`]. Out, as [`BakeOutput`]: the arrays of a `.lprt` file, the scene with its
 //! lightmap coordinates, and a [`BakeReport`]. [`pipeline`] is the only file that knows the order of the stages,
 //! [`validate`] holds a baked file against path tracing,
-//! [`reference_file`] keeps what it measured, [`cache`] keeps layouts and leaves from bake to bake ([`pipeline::bake_with`]), and the
-//! `precompute` command is a thin face over all of them.
+//! [`reference_file`] keeps what it measured, [`cache`] keeps layouts and leaves from bake to bake ([`pipeline::bake_with`]), [`plan`] is
+//! what an edited scene keeps of an earlier bake, [`shards`] deals leaves to machines, [`diff`] holds two files against each other, and
+//! the `precompute` command is a thin face over all of them.
 //!
 //! ```no_run
 //! use localprt_precompute::{Preset, Progress, bake};

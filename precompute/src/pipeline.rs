@@ -38,6 +38,10 @@ use lay_out::{LaidOut, Space, lay_out_with};
 use localprt_formats::BakedArrays;
 use localprt_scenes::Scene;
 use place::{Placed, volume_grid};
+use std::{
+    convert::Infallible,
+    ops::ControlFlow::{self, Break, Continue},
+};
 use transported::{Given, Stages, Transported, with_leaves};
 use views::Views;
 
@@ -87,9 +91,10 @@ pub fn bake_with(
     reuse: Reuse<'_>,
     progress: &Progress,
 ) -> Result<BakeOutput, BakeError> {
-    match run(scene, settings, reuse, Task::Bake, progress)? {
-        Outcome::Baked(baked) => Ok(*baked),
-        _ => Err(no_such_outcome()),
+    let all = |stages: Stages<'_>, cells: Option<&VolumeCells>| Transported::of(stages, cells).map(Continue);
+    match run::<Infallible>(scene, settings, reuse, all, progress)? {
+        Continue(baked) => Ok(baked),
+        Break(never) => match never {},
     }
 }
 
@@ -104,16 +109,14 @@ pub fn costs(
     reuse: Reuse<'_>,
     progress: &Progress,
 ) -> Result<Vec<f64>, BakeError> {
-    match run(scene, settings, reuse, Task::Costs, progress)? {
-        Outcome::Costs(costs) => Ok(costs),
-        _ => Err(no_such_outcome()),
-    }
+    before_all(run(scene, settings, reuse, |stages, _| Ok(Break(stages.costs())), progress)?)
 }
 
-/// Makes some leaves of a bake that has so many, numbered as in [`costs`], and keeps them in the cache, but for those that it holds already.
+/// Makes some leaves of a bake that has so many, numbered as in [`costs`], and keeps them in the cache, but for those that it holds
+/// already.
 ///
 /// # Errors
-/// See [`bake_with`].
+/// See [`bake_with`]; [`BakeError::Option`] if the bake has another number of leaves.
 pub fn keep_leaves(
     scene: Scene,
     settings: &BakeSettings,
@@ -121,16 +124,14 @@ pub fn keep_leaves(
     (numbers, n_leaves): (&[usize], usize),
     progress: &Progress,
 ) -> Result<CacheUse, BakeError> {
-    match run(scene, settings, reuse, Task::Keep(numbers, n_leaves), progress)? {
-        Outcome::Kept(use_of_cache) => Ok(use_of_cache),
-        _ => Err(no_such_outcome()),
-    }
+    let keep = |stages: Stages<'_>, _: Option<&VolumeCells>| stages.of(n_leaves)?.keep(numbers).map(Break);
+    before_all(run(scene, settings, reuse, keep, progress)?)
 }
 
 /// A bake from leaves that the cache holds, all of so many.
 ///
 /// # Errors
-/// See [`bake_with`]; [`BakeError::Missing`] with the numbers of leaves that are not there.
+/// See [`keep_leaves`]; [`BakeError::Missing`] with the numbers of leaves that are not there.
 pub fn merge(
     scene: Scene,
     settings: &BakeSettings,
@@ -138,65 +139,32 @@ pub fn merge(
     n_leaves: usize,
     progress: &Progress,
 ) -> Result<BakeOutput, BakeError> {
-    match run(scene, settings, reuse, Task::Merge(n_leaves), progress)? {
-        Outcome::Baked(baked) => Ok(*baked),
-        _ => Err(no_such_outcome()),
-    }
-}
-
-/// What is done with the leaves of a bake.
-#[derive(Clone, Copy)]
-enum Task<'a> {
-    Bake,
-    /// Of so many leaves.
-    Merge(usize),
-    Costs,
-    /// Some leaves of so many.
-    Keep(&'a [usize], usize),
-}
-
-/// What became of the leaves.
-enum Done {
-    Transported(Box<Transported>),
-    Costs(Vec<f64>),
-    Kept(CacheUse),
-}
-
-enum Outcome {
-    Baked(Box<BakeOutput>),
-    Costs(Vec<f64>),
-    Kept(CacheUse),
-}
-
-fn no_such_outcome() -> BakeError {
-    BakeError::Internal { what: "a task has the outcome of another".into() }
-}
-
-impl Task<'_> {
-    fn run(self, stages: Stages<'_>, cells: Option<&VolumeCells>) -> Result<Done, BakeError> {
-        match self {
-            Self::Costs => Ok(Done::Costs(stages.costs())),
-            Self::Keep(_, n_leaves) | Self::Merge(n_leaves) if n_leaves != stages.len() => Err(BakeError::Option {
-                what: format!("the bake has {} leaves here, and {n_leaves} where it was planned", stages.len()),
-                remedy: "plan again, and bake on machines with the same kind of processor".into(),
-            }),
-            Self::Keep(numbers, _) => stages.keep(numbers).map(Done::Kept),
-            Self::Bake => Transported::of(stages, cells).map(Box::new).map(Done::Transported),
-            Self::Merge(_) => match stages.missing() {
-                leaves if leaves.is_empty() => Self::Bake.run(stages, cells),
-                leaves => Err(BakeError::Missing { leaves }),
-            },
+    let found = |stages: Stages<'_>, cells: Option<&VolumeCells>| {
+        let stages = stages.of(n_leaves)?;
+        match stages.missing() {
+            leaves if leaves.is_empty() => Transported::of(stages, cells).map(Continue),
+            leaves => Err(BakeError::Missing { leaves }),
         }
+    };
+    match run::<Infallible>(scene, settings, reuse, found, progress)? {
+        Continue(baked) => Ok(baked),
+        Break(never) => match never {},
     }
 }
 
-fn run(
+/// What a bake was left with, before all of its leaves were made.
+fn before_all<T>(end: ControlFlow<T, BakeOutput>) -> Result<T, BakeError> {
+    end.break_value().ok_or_else(|| BakeError::Internal { what: "a bake went on that was to be left".into() })
+}
+
+/// All stages. `leaves` makes those of transport, or leaves the bake with what it was for.
+fn run<T>(
     scene: Scene,
     settings: &BakeSettings,
     reuse: Reuse<'_>,
-    task: Task<'_>,
+    leaves: impl FnOnce(Stages<'_>, Option<&VolumeCells>) -> Result<ControlFlow<T, Transported>, BakeError>,
     progress: &Progress,
-) -> Result<Outcome, BakeError> {
+) -> Result<ControlFlow<T, BakeOutput>, BakeError> {
     settings.check().map_err(|range| BakeError::Option { what: range.to_string(), remedy: RANGES_HELP.into() })?;
     if let Some(previous) = reuse.previous.filter(|previous| !previous.plan.is_for(settings)) {
         return Err(BakeError::Option {
@@ -235,10 +203,9 @@ fn run(
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
     let given = Given { caster: &caster, receivers, placed: &placed, views: &mut views, settings };
-    let transported = match with_leaves(given, reuse, progress, |stages| task.run(stages, placed.volume.as_ref()))? {
-        Done::Transported(transported) => *transported,
-        Done::Costs(costs) => return Ok(Outcome::Costs(costs)),
-        Done::Kept(use_of_cache) => return Ok(Outcome::Kept(use_of_cache)),
+    let transported = match with_leaves(given, reuse, progress, |stages| leaves(stages, placed.volume.as_ref()))? {
+        Continue(transported) => transported,
+        Break(end) => return Ok(Break(end)),
     };
 
     let stage = progress.stage("assemble", 0);
@@ -276,5 +243,5 @@ fn run(
         });
     }
     let unwrapped = !laid_out.layout.kept;
-    Ok(Outcome::Baked(Box::new(BakeOutput { arrays, unwrapped, scene: laid_out.scene, report })))
+    Ok(Continue(BakeOutput { arrays, unwrapped, scene: laid_out.scene, report }))
 }

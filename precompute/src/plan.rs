@@ -80,8 +80,8 @@ pub struct MeshPlan {
     sums: [[f32; 3]; SUMS],
     /// Vertices are no farther than this from the origin, metres.
     reach: f32,
-    /// Meshes with charts that became of it: front, back or both.
-    pub parts: u32,
+    /// Meshes with charts that became of it, in order: whether they are backs.
+    pub parts: Vec<bool>,
 }
 
 impl BakePlan {
@@ -131,7 +131,7 @@ impl BakePlan {
 
 impl MeshPlan {
     /// Of a mesh of a scene.
-    pub fn of(scene: &Scene, mesh: &Mesh, parts: u32) -> Self {
+    pub fn of(scene: &Scene, mesh: &Mesh, parts: Vec<bool>) -> Self {
         let first = mesh.positions.first().copied().unwrap_or_default();
         let places = hex(&Digester::new("places").all(&mesh.positions).finish());
         let mut sums = [DVec3::ZERO; SUMS];
@@ -200,8 +200,8 @@ pub struct Previous {
 /// A mesh of a scene beside the layout of an earlier bake.
 #[derive(Debug)]
 pub enum Laid {
-    /// It has charts: these meshes.
-    Kept(Vec<Mesh>),
+    /// It has charts: these meshes, and whether they are backs.
+    Kept(Vec<Mesh>, Vec<bool>),
     /// It is new, or another than it was.
     New,
 }
@@ -213,7 +213,7 @@ impl Previous {
     /// [`BakeError::Option`] if there is no such bake or it has no plan.
     pub fn open(path: &Path) -> Result<Self, BakeError> {
         let is_scene = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
-        let baked = if is_scene { path.with_extension("lprt") } else { path.to_owned() };
+        let baked = if is_scene { baked_of(path) } else { path.to_owned() };
         let refused = |what: String, remedy: &str| BakeError::Option {
             what: format!("no layout can be kept from {}: {what}", path.display()),
             remedy: remedy.into(),
@@ -276,19 +276,19 @@ impl Previous {
     /// it had no charts of its own, or its scene has lost some.
     pub fn laid(&self, scene: &Scene) -> Option<Vec<Laid>> {
         let (charts, former) = (self.plan.charts.as_ref()?, self.scene.as_ref()?);
-        let n_parts: usize = charts.meshes.iter().map(|mesh| mesh.parts as usize).sum();
-        if n_parts != former.meshes.len() || charts.meshes.iter().any(|mesh| mesh.parts > 2) {
+        let n_parts: usize = charts.meshes.iter().map(|mesh| mesh.parts.len()).sum();
+        if n_parts != former.meshes.len() {
             return None;
         }
         let mut first = 0;
         // Meshes of each shape, by where they were: those that nobody has taken.
         let mut of_shape: HashMap<&str, Vec<(&MeshPlan, &[Mesh])>> = HashMap::new();
         for plan in &charts.meshes {
-            let parts = &former.meshes[first..first + plan.parts as usize];
+            let parts = &former.meshes[first..first + plan.parts.len()];
             first += parts.len();
             of_shape.entry(&plan.shape).or_default().push((plan, parts));
         }
-        let plans: Vec<MeshPlan> = scene.meshes.par_iter().map(|mesh| MeshPlan::of(scene, mesh, 0)).collect();
+        let plans: Vec<MeshPlan> = scene.meshes.par_iter().map(|mesh| MeshPlan::of(scene, mesh, Vec::new())).collect();
         let mut laid: Vec<Laid> = plans.iter().map(|_| Laid::New).collect();
         for has_moved in [false, true] {
             for ((mesh, plan), laid) in scene.meshes.iter().zip(&plans).zip(&mut laid) {
@@ -302,21 +302,19 @@ impl Previous {
                 let Some(place) = others.iter().position(is_it) else { continue };
                 let (other, parts) = others.remove(place);
                 let moved = if has_moved { plan.first - other.first } else { Vec3::ZERO };
-                // Front and back, or one of them: a back is turned, and only its name tells.
-                let is_back = |(place, part): (usize, &Mesh)| match parts.len() {
-                    1 => mesh.name != part.name && part.name.ends_with(BACK) && scene_is_two_sided(scene, mesh),
-                    _ => place == 1,
-                };
-                let of_part = |pair: (usize, &Mesh)| of_now(pair.1, is_back(pair), mesh, moved);
-                *laid = Laid::Kept(parts.iter().enumerate().map(of_part).collect());
+                let part = |(part, is_back): (&Mesh, &bool)| of_now(part, *is_back, mesh, moved);
+                *laid = Laid::Kept(parts.iter().zip(&other.parts).map(part).collect(), other.parts.clone());
             }
         }
         Some(laid)
     }
 }
 
-fn scene_is_two_sided(scene: &Scene, mesh: &Mesh) -> bool {
-    scene.materials[mesh.material].double_sided
+/// The baked file whose scene this is: `OUT.lprt` of `OUT.glb` and of `OUT.lightmap.glb`.
+fn baked_of(scene: &Path) -> PathBuf {
+    let stem = scene.with_extension("");
+    let is_beside = stem.extension().is_some_and(|extension| extension == "lightmap");
+    if is_beside { stem.with_extension("lprt") } else { scene.with_extension("lprt") }
 }
 
 /// Whether all vertices of a mesh are those of its former parts, moved.
@@ -367,7 +365,7 @@ mod tests {
         let parts = [mesh.clone()];
         assert!(is_at(&other, &parts, moved));
         assert_eq!(of_now(&parts[0], false, &other, moved).positions, other.positions);
-        let plan = |mesh: &Mesh| MeshPlan::of(&scene, mesh, 1);
+        let plan = |mesh: &Mesh| MeshPlan::of(&scene, mesh, vec![false]);
         assert!(plan(&other).has_moved_from(&plan(mesh), &other));
         // Two vertices in each other's place are where vertices were.
         let mut turned = other.clone();
@@ -375,6 +373,15 @@ mod tests {
         assert!(is_at(&turned, &parts, moved) && !plan(&turned).has_moved_from(&plan(mesh), &turned));
         other.positions[2].y += 1e-3;
         assert!(!is_at(&other, &parts, moved) && !plan(&other).has_moved_from(&plan(mesh), &other));
+    }
+
+    #[test]
+    fn the_file_of_a_scene_lies_beside_it() {
+        for (scene, baked) in
+            [("a/hall.glb", "a/hall.lprt"), ("hall.lightmap.glb", "hall.lprt"), ("b.c.glb", "b.c.lprt")]
+        {
+            assert_eq!(baked_of(Path::new(scene)), Path::new(baked));
+        }
     }
 
     #[test]

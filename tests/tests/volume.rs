@@ -5,6 +5,7 @@ use localprt_precompute::settings::{BakeSettings, Transport};
 use localprt_runtime::Validity;
 use localprt_scenes::{Lighting, Material, Mesh, Scene, Sky, builtin::furnace_irradiance};
 use localprt_tests::{TRANSPORTS, bake, irradiance, mean, relit, scene, small_settings};
+use serde_json::Value;
 use std::f32::consts::PI;
 
 #[test]
@@ -126,9 +127,13 @@ fn a_volume_changes_nothing_else() {
     let mut with = bake(scene("cornell"), &BakeSettings { volume: Some(0.4), ..settings.clone() }).arrays;
     let mut without = bake(scene("cornell"), &settings).arrays;
     assert!(with.volume.take().is_some() && without.volume.is_none());
-    // The options and the report tell of it.
+    // The options, the report and the plan tell of it.
     assert_ne!(with.metadata.options, without.metadata.options);
     without.metadata.options.clone_from(&with.metadata.options);
     without.report.clone_from(&with.report);
+    let [mut told, plan] = [&with.plan, &without.plan].map(|plan| serde_json::from_str::<Value>(plan).expect("a plan"));
+    assert!(told.as_object_mut().expect("fields").remove("volume_radius_m").is_some());
+    assert_eq!(told, plan);
+    without.plan.clone_from(&with.plan);
     assert!(with == without);
 }

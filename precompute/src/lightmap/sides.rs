@@ -26,8 +26,8 @@ pub type SideTest<'a> = &'a (dyn Fn(&Scene, usize, usize, bool) -> bool + Sync);
 pub struct Sides {
     /// The scene.
     pub scene: Scene,
-    /// How many of its meshes each mesh became, in order.
-    pub parts: Vec<u32>,
+    /// Its meshes that each mesh became, in order: whether they are backs.
+    pub parts: Vec<Vec<bool>>,
     /// Number of back faces.
     pub back_faces: usize,
 }
@@ -52,7 +52,7 @@ pub fn split(mut scene: Scene, open_side: SideTest) -> Sides {
     for (mesh, live) in std::mem::take(&mut scene.meshes).into_iter().zip(live) {
         let Some(live) = live else {
             meshes.push(mesh);
-            parts.push(1);
+            parts.push(vec![false]);
             continue;
         };
         // Each mesh that uses the material comes by here, so nobody is left who wants it double-sided.
@@ -60,9 +60,10 @@ pub fn split(mut scene: Scene, open_side: SideTest) -> Sides {
         let back = part(&mesh, |triangle| live[triangle][1]);
         let front = part(&mesh, |triangle| live[triangle][0] || !live[triangle][1]);
         back_faces += back.triangles.len();
-        let before = meshes.len();
-        meshes.extend([front, flipped(back)].into_iter().filter(|mesh| !mesh.triangles.is_empty()));
-        parts.push((meshes.len() - before) as u32);
+        let sides = [(front, false), (flipped(back), true)];
+        let (own, backs): (Vec<Mesh>, _) = sides.into_iter().filter(|(mesh, _)| !mesh.triangles.is_empty()).unzip();
+        meshes.extend(own);
+        parts.push(backs);
     }
     scene.meshes = meshes;
     Sides { scene, parts, back_faces }
@@ -203,7 +204,7 @@ mod tests {
             _ => false,
         };
         let Sides { scene: after, parts, back_faces } = split(before.clone(), &open);
-        assert_eq!(parts, [2, 1]);
+        assert_eq!(parts, [vec![false, true], vec![false]]);
         let names: Vec<&str> = after.meshes.iter().map(|mesh| mesh.name.as_str()).collect();
         assert_eq!(names, ["sheet", "sheet (back)", "solid"]);
         assert_eq!(after.meshes.iter().map(|mesh| mesh.triangles.len()).collect::<Vec<_>>(), [3, 2, 2]);

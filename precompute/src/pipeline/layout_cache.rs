@@ -169,7 +169,7 @@ mod tests {
         let layout = LayoutReport { reason: Some("none".into()), back_faces: 3, size: 64, charts: 9, kept: false };
         let charts = ChartPlan {
             fineness: Fineness { finest: 0.5, receivers: 11.3, light_map: 1.0 / 3.0 },
-            meshes: scene.meshes.iter().map(|mesh| MeshPlan::of(&scene, mesh, 2)).collect(),
+            meshes: scene.meshes.iter().map(|mesh| MeshPlan::of(&scene, mesh, vec![false, true])).collect(),
         };
         LayoutCache::of(&cache, &scene, &settings).keep(&laid_out, &layout, &charts);
         let (found, report, plan) = LayoutCache::of(&cache, &scene, &settings).find(&scene).expect("kept");

@@ -54,9 +54,16 @@ pub(super) struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// Number of leaves.
-    pub(super) fn len(&self) -> usize {
-        self.leaves.len() + self.volume.as_ref().map_or(0, LeafWork::len)
+    /// The same, if there are as many leaves as were planned.
+    pub(super) fn of(self, n_leaves: usize) -> Result<Self, BakeError> {
+        let found = self.leaves.len() + self.volume.as_ref().map_or(0, LeafWork::len);
+        if found != n_leaves {
+            return Err(BakeError::Option {
+                what: format!("the bake has {found} leaves here, and {n_leaves} where it was planned"),
+                remedy: "plan again, and bake on machines with the same kind of processor".into(),
+            });
+        }
+        Ok(self)
     }
 
     /// About how much work each leaf is: those of the lightmap, and after them those of the volume.
@@ -70,10 +77,10 @@ impl Stages<'_> {
     pub(super) fn keep(&self, numbers: &[usize]) -> Result<CacheUse, BakeError> {
         let first = self.leaves.len();
         let (of_lightmap, of_volume): (Vec<usize>, Vec<usize>) = numbers.iter().partition(|number| **number < first);
-        let mut use_of_cache = self.leaves.keep(OF_LIGHTMAP, &of_lightmap)?;
+        let mut use_of_cache = self.leaves.keep(OF_LIGHTMAP, of_lightmap)?;
         if let Some(volume) = self.volume.as_ref().filter(|_| !of_volume.is_empty()) {
             let numbers: Vec<usize> = of_volume.iter().map(|number| number - first).collect();
-            use_of_cache += volume.keep(OF_VOLUME, &numbers)?;
+            use_of_cache += volume.keep(OF_VOLUME, numbers)?;
         }
         Ok(use_of_cache)
     }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Least distance to surfaces, as a share of the distance that was wanted.
 const CLEARANCE: f32 = 0.25;
 /// Probes that do not see each other count as this many times farther apart: each side of a wall needs its own.
-const UNSEEN_DISTANCE: f32 = 1.5;
+pub(super) const UNSEEN_DISTANCE: f32 = 1.5;
 /// Visibility is asked for up to so many pairs of a probe and a candidate.
 const MOST_PAIRS: usize = 60_000_000;
 /// Candidates stand no higher above a surface than this many spacings.

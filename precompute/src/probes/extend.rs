@@ -1,5 +1,6 @@
 //! Probes of an earlier bake, where they still stand in the open, and more where an edit has opened space without any.
 
+use super::by_scale::UNSEEN_DISTANCE;
 use crate::{
     rays::RayCaster,
     voxels::{Voxel, VoxelGrid, surroundings},
@@ -12,8 +13,6 @@ use serde::{Deserialize, Serialize};
 const MOST_ASKED: usize = 16_384;
 /// Probes around a candidate that are asked whether it sees them.
 const ASKED_PROBES: usize = 8;
-/// A probe that a candidate does not see counts as this many times farther away: each side of a wall needs its own.
-const UNSEEN_DISTANCE: f32 = 1.5;
 /// A place gets a probe of its own if it is this many times farther from all probes than any place was when they were placed.
 const MARGIN: f32 = 1.5;
 
@@ -115,5 +114,66 @@ impl Places<'_> {
             });
         }
         probes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        settings::BakeSettings,
+        voxels::test_scenes::{block, room, scene},
+    };
+    use localprt_scenes::Scene;
+
+    /// Places half a metre apart at half height, from x = 0.5 on.
+    fn lattice(to_x: f32) -> Vec<Vec3> {
+        let columns = (2.0 * to_x) as u32;
+        (1..columns).flat_map(|x| (1..8).map(move |z| Vec3::new(0.5 * x as f32, 1.5, 0.5 * z as f32))).collect()
+    }
+
+    /// Corners of two rooms beside each other.
+    fn rooms() -> ([Vec3; 2], [Vec3; 2]) {
+        let (first, second) = (Vec3::ZERO, Vec3::new(5.0, 0.0, 0.0));
+        ([first, first + Vec3::new(4.0, 3.0, 4.0)], [second, second + Vec3::new(4.0, 3.0, 4.0)])
+    }
+
+    /// Probes in a scene, of those that stood in one room at every other place.
+    fn extended(scene: &Scene, positions: &[Vec3], kept: &KeptProbes<'_>) -> Vec<Vec3> {
+        let caster = RayCaster::new(scene).expect("tree");
+        let grid = VoxelGrid::build(scene, &caster, 1.0, 1.0, &BakeSettings::default()).expect("voxels");
+        Places { positions, spacing: None }.extend(kept, &caster, &grid, 10_000)
+    }
+
+    #[test]
+    fn probes_stay_those_in_a_new_block_go_and_a_new_room_gets_its_own() {
+        let ([low, high], [other_low, other_high]) = rooms();
+        let one = room(low, high);
+        let first = scene(&[one.clone()], false);
+        let places = lattice(4.0);
+        let probes: Vec<Vec3> = places.iter().step_by(2).copied().collect();
+        let caster = RayCaster::new(&first).expect("tree");
+        let spread = Places { positions: &places, spacing: None }.spread(&caster, &probes);
+        // A step of the lattice from the next.
+        assert!(spread.is_even && (0.49..0.72).contains(&spread.gap), "{spread:?}");
+        let kept = KeptProbes { positions: &probes, radius_m: 1.2, spread };
+        assert_eq!(extended(&first, &places, &kept), probes, "nothing has changed");
+
+        let blocked = scene(&[one.clone(), block(Vec3::new(0.8, 0.8, 0.8), Vec3::new(2.2, 2.2, 2.2))], false);
+        let left = extended(&blocked, &places, &kept);
+        let is_free = |at: &&Vec3| !(at.x > 0.8 && at.x < 2.2 && at.z > 0.8 && at.z < 2.2);
+        let expected: Vec<Vec3> = probes.iter().filter(is_free).copied().collect();
+        assert!(expected.len() < probes.len() && left[..expected.len()] == expected);
+
+        let both = scene(&[one, room(other_low, other_high)], false);
+        let places: Vec<Vec3> = places.iter().copied().chain(places.iter().map(|at| *at + other_low)).collect();
+        let found = extended(&both, &places, &kept);
+        assert!(found[..probes.len()] == probes && found[probes.len()..].iter().all(|at| at.x > 5.0));
+        // No place there is farther from all than places were, by the margin, or than half of the radius.
+        let new = &found[probes.len()..];
+        let gap = |at: &Vec3| new.iter().map(|probe| probe.distance(*at)).fold(f32::INFINITY, f32::min);
+        let most = (MARGIN * spread.gap).max(WITHIN * kept.radius_m);
+        assert!(places.iter().filter(|at| at.x > 5.0).all(|at| gap(at) <= most));
+        assert!(new.len() > 4 && new.len() < probes.len(), "{} of {}", new.len(), probes.len());
     }
 }

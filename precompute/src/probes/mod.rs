@@ -265,28 +265,27 @@ pub fn place(
     };
     let places = Places { positions: &found.positions, spacing: spacing.as_deref() };
     let sees = sight(caster, receivers, normals);
+    let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
+    let covered = |unseen| PlacementReport {
+        spacing_m: rho,
+        voxel_m: grid.voxel_m,
+        target,
+        candidates: found.positions.len(),
+        rejected: found.rejected,
+        coverage_samples: coverage.samples.len(),
+        unseen_before: unseen,
+        unseen_after: unseen,
+        ..PlacementReport::default()
+    };
     if let Some(kept) = kept {
         let positions = places.extend(&kept, caster, grid, MAX_PROBES as usize);
-        let given = positions.len();
-        if given == 0 {
+        if positions.is_empty() {
             return Err(PlacementError::NoCandidate { tested: kept.positions.len(), voxel_m: grid.voxel_m });
         }
         let (probes, support, overlap) = support(receivers, &positions, &sees, settings, Some(kept.radius_m))?;
-        let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
-        let unseen = coverage.unseen_share(&probes, &support);
-        let report = PlacementReport {
-            spacing_m: rho,
-            voxel_m: grid.voxel_m,
-            target,
-            candidates: found.positions.len(),
-            rejected: found.rejected,
-            coverage_samples: coverage.samples.len(),
-            unseen_before: unseen,
-            unseen_after: unseen,
-            overlap: (overlap.mean, overlap.least, overlap.most),
-            spread: kept.spread,
-            repaired: 0,
-        };
+        let overlap = (overlap.mean, overlap.least, overlap.most);
+        let report =
+            PlacementReport { overlap, spread: kept.spread, ..covered(coverage.unseen_share(&probes, &support)) };
         return Ok((probes, support, report));
     }
     // Of the candidates at these indices.
@@ -306,19 +305,8 @@ pub fn place(
     let thinned = thin(&all, target);
     let plain = placement(&found.positions, &thinned.kept, receivers, &sees, settings)?;
 
-    let coverage = Coverage::sample(caster, receivers, normals, settings.seed);
     let unseen_before = coverage.unseen_share(&plain.0, &plain.1);
-    let mut report = PlacementReport {
-        spacing_m: rho,
-        voxel_m: grid.voxel_m,
-        target,
-        candidates: found.positions.len(),
-        rejected: found.rejected,
-        coverage_samples: coverage.samples.len(),
-        unseen_before,
-        unseen_after: unseen_before,
-        ..Default::default()
-    };
+    let mut report = covered(unseen_before);
 
     // An explicit count makes room for the repair first.
     let room = if exact { budget.min(target - 1) } else { 0 };

@@ -3,7 +3,7 @@
 use super::{Piece, UnwrapError, Unwrapped};
 use glam::{Vec2, Vec3};
 use localprt_scenes::{Mesh, Scene};
-use localprt_surfaces::atlas::raster::in_texels;
+use localprt_surfaces::atlas::raster::{in_texels, on_map};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -56,16 +56,13 @@ fn key(position: Vec3, normal: Vec3) -> [u32; 6] {
     [position.x, position.y, position.z, normal.x, normal.y, normal.z].map(|value| (value + 0.0).to_bits())
 }
 
-/// Coordinates are multiples of one over this, texels: what reads them rounds them to the same.
-const STEPS: f32 = 1024.0;
-
 /// Writes the layout into a TEXCOORD set, copying vertices that charts share. Faces without area are pinned to one point of
 /// a face that they touch.
 pub(super) fn apply(mut scene: Scene, unwrapped: &Unwrapped, kept: &[Vec<u32>], texels: u32, set: usize) -> Scene {
     scene.meshes.par_iter_mut().zip(kept).zip(&unwrapped.corners).for_each(|((mesh, kept), corners)| {
         let mut layout: Vec<Option<[Vec2; 3]>> = vec![None; mesh.triangles.len()];
         for (&face, corners) in kept.iter().zip(corners) {
-            layout[face as usize] = corners.map(|corners| corners.map(|uv| on_map(uv, texels)));
+            layout[face as usize] = corners.map(|corners| corners.map(|uv| within(on_map(uv.as_dvec2(), texels))));
         }
         let mut at_position: HashMap<[u32; 3], Vec2> = HashMap::new();
         if layout.iter().any(Option::is_none) {
@@ -93,14 +90,14 @@ pub(super) fn apply(mut scene: Scene, unwrapped: &Unwrapped, kept: &[Vec<u32>], 
     scene
 }
 
-fn on_map(texel: Vec2, size: u32) -> Vec2 {
-    ((texel * STEPS).round() / STEPS / size as f32).clamp(Vec2::ZERO, Vec2::ONE)
+fn within(uv: Vec2) -> Vec2 {
+    uv.clamp(Vec2::ZERO, Vec2::ONE)
 }
 
 /// The scene with coordinates of a set that were made for a map of another size.
 pub fn on_another_map(mut mesh: Mesh, set: usize, [from, to]: [u32; 2]) -> Mesh {
     if let Some(uv) = mesh.uv_sets.get_mut(set).filter(|_| from != to) {
-        uv.iter_mut().for_each(|uv| *uv = on_map(in_texels(*uv, from).as_vec2(), to));
+        uv.iter_mut().for_each(|uv| *uv = within(on_map(in_texels(*uv, from), to)));
     }
     mesh
 }

@@ -16,6 +16,11 @@ pub fn in_texels(uv: Vec2, size: u32) -> DVec2 {
     (uv.as_dvec2() * f64::from(size) * STEPS).round() / STEPS
 }
 
+/// The coordinate of a place in texels, which [`in_texels`] brings back.
+pub fn on_map(texel: DVec2, size: u32) -> Vec2 {
+    ((texel * STEPS).round() / STEPS / f64::from(size)).as_vec2()
+}
+
 /// A triangle in texel units of a map: texel (x, y) is the square from (x, y) to (x + 1, y + 1).
 #[derive(Clone, Copy, Debug)]
 pub struct Footprint {
