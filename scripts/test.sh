@@ -33,7 +33,10 @@ fi
 
 step() {
     echo "== $*" >&2
-    "$@"
+    local began=$SECONDS code=0
+    "$@" || code=$?
+    echo "== $((SECONDS - began)) s" >&2
+    return $code
 }
 
 step cargo fmt --all --check
