@@ -1,11 +1,12 @@
 //! Scenes built in code, for tests, first steps and closed forms. World space in metres, +Y up, linear colors.
 //!
 //! Walls of rooms are single-sided and face inwards: from outside they are invisible to a camera and black to light. Only
-//! `room-on-plain`, `blinds` and `atrium` have walls with two sides.
+//! `room-on-plain`, `blinds`, `atrium` and `city` have walls with two sides.
 //! None of the scenes has lightmap coordinates; the bake unwraps them.
 
 mod atrium;
 mod blinds;
+mod city;
 mod cornell;
 mod furnace;
 mod plane;
@@ -14,6 +15,7 @@ mod shapes;
 mod sphere;
 mod two_rooms;
 
+pub use city::MOST_BLOCKS;
 pub use furnace::{FURNACE_ALBEDO, FURNACE_EMISSION, furnace_irradiance};
 pub use sphere::{SPHERE_ALBEDO, SPHERE_INTENSITY};
 
@@ -23,10 +25,22 @@ use glam::{Mat4, Vec3};
 
 /// Names of all built-in scenes, the first one being the one to start with.
 pub fn names() -> &'static [&'static str] {
-    &["cornell", "furnace", "two-rooms", "two-rooms-door", "atrium", "room-on-plain", "blinds", "sphere", "plane"]
+    &[
+        "cornell",
+        "furnace",
+        "two-rooms",
+        "two-rooms-door",
+        "atrium",
+        "city",
+        "room-on-plain",
+        "blinds",
+        "sphere",
+        "plane",
+    ]
 }
 
-/// Builds a scene; `None` for a name that is not in [`names`]. `two-rooms:doorway` is another name of `two-rooms-door`.
+/// Builds a scene; `None` for a name that is not in [`names`]. `two-rooms:doorway` is another name of `two-rooms-door`; `city:N` is a
+/// city of N blocks, 1 to [`MOST_BLOCKS`], and `city` the one of 4.
 pub fn scene(name: &str) -> Option<Scene> {
     let mut scene = match name {
         "cornell" => cornell::build(),
@@ -38,11 +52,12 @@ pub fn scene(name: &str) -> Option<Scene> {
         "blinds" => blinds::build(),
         "sphere" => sphere::build(),
         "plane" => plane::build(),
-        _ => return None,
+        _ => city::build(city::blocks(name)?),
     };
-    scene.name = if name == "two-rooms:doorway" { "two-rooms-door".into() } else { name.into() };
+    // Names that are those of files too.
+    scene.name = if name == "two-rooms:doorway" { "two-rooms-door".into() } else { name.replace(':', "-") };
     for mesh in &mut scene.meshes {
-        mesh.source = format!("builtin:{}/{}", scene.name, mesh.name);
+        mesh.source = format!("builtin:{name}/{}", mesh.name);
     }
     scene.hash = content_hash(&scene);
     Some(scene)

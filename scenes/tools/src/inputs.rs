@@ -33,8 +33,11 @@ pub fn check_scene(source: &str) -> Result<(), CommandError> {
 /// A built-in scene by its name.
 pub fn builtin_scene(name: &str) -> Result<Scene, CommandError> {
     builtin::scene(name).ok_or_else(|| {
-        CommandError::new(Exit::Usage, format!("there is no built-in scene `{name}`"))
-            .help(format!("choose one of: {}", builtin::names().join(", ")))
+        CommandError::new(Exit::Usage, format!("there is no built-in scene `{name}`")).help(format!(
+            "choose one of: {}, city:BLOCKS (1 to {})",
+            builtin::names().join(", "),
+            builtin::MOST_BLOCKS
+        ))
     })
 }
 

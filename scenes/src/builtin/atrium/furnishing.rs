@@ -15,6 +15,7 @@ const PAVING: f32 = 0.03;
 const SINK: f32 = EMBED / 2.0;
 const CARDS_PER_TREE: u32 = 260;
 const CARDS_PER_BAY: u32 = 70;
+const BANNER_CELLS: [usize; 2] = [16, 22];
 
 pub(super) fn build() -> Vec<Mesh> {
     let mut meshes = vec![
@@ -24,16 +25,22 @@ pub(super) fn build() -> Vec<Mesh> {
         trunks().into_mesh("trunks", BARK, None),
         leaves().into_mesh("leaves", LEAVES, Some(1.0)),
     ];
-    for (index, (name, material)) in ["red", "blue", "ochre"].into_iter().zip(CLOTHS).enumerate() {
+    meshes.extend(banners(BANNER_CELLS));
+    meshes
+}
+
+/// Three colors of cloth, each cut into so many columns and rows.
+pub(super) fn banners(cells: [usize; 2]) -> Vec<Mesh> {
+    let of_color = |(index, (name, material)): (usize, (&str, usize))| {
         let mut shape = Shape::default();
         for side in [-1.0, 1.0] {
             // The colors run in opposite orders on both sides.
             let bay = if side < 0.0 { index } else { 2 - index };
-            banner(&mut shape, -LINE[0] + (2 * bay) as f32 * BAY + 1.5 * BAY, side);
+            banner(&mut shape, -LINE[0] + (2 * bay) as f32 * BAY + 1.5 * BAY, side, cells);
         }
-        meshes.push(shape.into_mesh(&format!("banners {name}"), material, None));
-    }
-    meshes
+        shape.into_mesh(&format!("banners {name}"), material, None)
+    };
+    ["red", "blue", "ochre"].into_iter().zip(CLOTHS).enumerate().map(of_color).collect()
 }
 
 fn outline(points: &[(f32, f32)]) -> Vec<Vec2> {
@@ -155,9 +162,7 @@ fn hanging_places() -> Vec<(f32, f32)> {
 }
 
 /// Cloth that hangs from the handrail over the gallery's edge into the court, with folds that open downwards.
-fn banner(shape: &mut Shape, middle: f32, side: f32) {
-    const COLUMNS: usize = 16;
-    const ROWS: usize = 22;
+fn banner(shape: &mut Shape, middle: f32, side: f32, [columns, rows]: [usize; 2]) {
     let (width, gallery) = (1.5, LEVELS[1]);
     // Height and distance from the middle of the court, from the rail's front down.
     let path = [
@@ -166,7 +171,7 @@ fn banner(shape: &mut Shape, middle: f32, side: f32) {
         Vec2::new(gallery - 2.0, SLAB_INNER.y - 0.12),
     ];
     let point = |column: usize, row: usize| {
-        let (u, v) = (column as f32 / COLUMNS as f32, row as f32 / ROWS as f32);
+        let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
         let along = v * 2.96;
         let first = path[0].distance(path[1]);
         let at = if along < first {
@@ -179,12 +184,12 @@ fn banner(shape: &mut Shape, middle: f32, side: f32) {
     };
     // Faces the court.
     let flip = side < 0.0;
-    for row in 0..ROWS {
-        for column in 0..COLUMNS {
+    for row in 0..rows {
+        for column in 0..columns {
             let cells = [(column, row + 1), (column + 1, row + 1), (column + 1, row), (column, row)];
             let smooth = |(column, row): (usize, usize)| {
-                let across = point((column + 1).min(COLUMNS), row) - point(column.saturating_sub(1), row);
-                let up = point(column, row.saturating_sub(1)) - point(column, (row + 1).min(ROWS));
+                let across = point((column + 1).min(columns), row) - point(column.saturating_sub(1), row);
+                let up = point(column, row.saturating_sub(1)) - point(column, (row + 1).min(rows));
                 across.cross(up).normalize() * if flip { 1.0 } else { -1.0 }
             };
             let mut corners = cells.map(|(column, row)| point(column, row));

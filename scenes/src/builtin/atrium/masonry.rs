@@ -16,23 +16,40 @@ const SLAB_THICKNESS: [f32; 2] = [0.4, 0.3];
 /// Height of the springing of the arches above their floors.
 const SPRINGING: [f32; 2] = [4.0, 2.9];
 const ARCH_RADIUS: f32 = 1.0;
-const ARCH_SEGMENTS: usize = 20;
 const HALF_ARCADE: f32 = 0.2;
-const COLUMN_SEGMENTS: usize = 24;
 const BALUSTER_SEGMENTS: usize = 10;
 /// Upper side of the handrail above the gallery.
 pub(super) const RAIL_HEIGHT: f32 = 0.97;
 
-pub(super) fn build() -> Vec<Mesh> {
+/// How finely the parts are made.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Detail {
+    /// Of a court that one stands in.
+    Fine,
+    /// Of one among many: round parts have few sides, and plain slabs stand for small parts.
+    Coarse,
+}
+
+impl Detail {
+    fn arch_segments(self) -> usize {
+        if self == Self::Fine { 20 } else { 6 }
+    }
+
+    fn column_segments(self) -> usize {
+        if self == Self::Fine { 24 } else { 8 }
+    }
+}
+
+pub(super) fn build(detail: Detail) -> Vec<Mesh> {
     vec![
         floor().into_mesh("floor", FLOOR, Some(1.6)),
-        paving().into_mesh("paving", PAVING, None),
+        paving(detail).into_mesh("paving", PAVING, None),
         outer_walls().into_mesh("outer walls", WALL, Some(2.0)),
         slabs().into_mesh("slabs", STONE, None),
         pilasters().into_mesh("pilasters", STONE, None),
-        arcades().into_mesh("arcades", WALL, Some(2.0)),
-        columns().into_mesh("columns", STONE, None),
-        balustrades().into_mesh("balustrades", STONE, None),
+        arcades(detail).into_mesh("arcades", WALL, Some(2.0)),
+        columns(detail).into_mesh("columns", STONE, None),
+        balustrades(detail).into_mesh("balustrades", STONE, None),
     ]
 }
 
@@ -46,10 +63,10 @@ fn floor() -> Shape {
 }
 
 /// A kerb and slabs in the court, with joints.
-fn paving() -> Shape {
+fn paving(detail: Detail) -> Shape {
     let mut shape = Shape::default();
     let (half, joint) = (Vec2::new(7.5, 2.7), 0.012);
-    let (columns, rows) = (25, 9);
+    let (columns, rows) = if detail == Detail::Fine { (25, 9) } else { (1, 1) };
     let size = 2.0 * half / Vec2::new(columns as f32, rows as f32);
     for row in 0..rows {
         for column in 0..columns {
@@ -108,13 +125,13 @@ fn pilasters() -> Shape {
 }
 
 /// Walls on arches around the court, on both floors, and the piers at their corners.
-fn arcades() -> Shape {
+fn arcades(detail: Detail) -> Shape {
     let mut shape = Shape::default();
     for (story, springing) in SPRINGING.iter().enumerate() {
         let top = LEVELS[story + 1] - SLAB_THICKNESS[story] - LEVELS[story] + EMBED;
         for (along_z, half_length, offset) in [(false, LINE[0], LINE[1]), (true, LINE[1], LINE[0])] {
             let bays = (2.0 * half_length / BAY).round() as usize;
-            let lower_edge = arches(half_length, bays, ARCH_RADIUS, *springing, ARCH_SEGMENTS);
+            let lower_edge = arches(half_length, bays, ARCH_RADIUS, *springing, detail.arch_segments());
             for side in [-offset, offset] {
                 let origin = if along_z { Vec3::new(side, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, side) };
                 let origin = origin + Vec3::Y * LEVELS[story];
@@ -131,7 +148,7 @@ fn arcades() -> Shape {
     shape
 }
 
-fn columns() -> Shape {
+fn columns(detail: Detail) -> Shape {
     let mut shape = Shape::default();
     for (story, springing) in SPRINGING.iter().enumerate() {
         // The upper order is more slender.
@@ -140,8 +157,11 @@ fn columns() -> Shape {
             let foot = Vec3::new(at.x, LEVELS[story], at.y);
             let (plinth, abacus) = (0.14, springing - 0.26);
             shape.block_at(foot - Vec3::Y * EMBED, Vec3::new(0.56 * width, plinth + EMBED, 0.56 * width));
-            let profile = column_profile(abacus - plinth + 2.0 * EMBED, width);
-            shape.lathe(foot + Vec3::Y * (plinth - EMBED), &profile, COLUMN_SEGMENTS);
+            let profile = match detail {
+                Detail::Fine => column_profile(abacus - plinth + 2.0 * EMBED, width),
+                Detail::Coarse => coarse_profile(abacus - plinth + 2.0 * EMBED, width),
+            };
+            shape.lathe(foot + Vec3::Y * (plinth - EMBED), &profile, detail.column_segments());
             shape.block_at(foot + Vec3::Y * abacus, Vec3::new(0.5, 0.16, 0.5));
             shape.block_at(foot + Vec3::Y * (abacus + 0.16 - EMBED / 2.0), Vec3::new(0.56, 0.1 + 1.5 * EMBED, 0.56));
         }
@@ -174,7 +194,14 @@ fn column_profile(height: f32, width: f32) -> Vec<Vec2> {
     profile.into_iter().map(|point| Vec2::new(point.x * width, point.y)).collect()
 }
 
-fn balustrades() -> Shape {
+/// The same without entasis and with its rings as steps.
+fn coarse_profile(height: f32, width: f32) -> Vec<Vec2> {
+    let outline =
+        [(0.0, 0.0), (0.24, 0.0), (0.24, 0.18), (0.2, 0.22), (0.165, height - 0.4), (0.235, height), (0.0, height)];
+    outline.map(|(radius, at)| Vec2::new(radius * width, at)).to_vec()
+}
+
+fn balustrades(detail: Detail) -> Shape {
     let mut shape = Shape::default();
     let gallery = LEVELS[1];
     for (axis, side) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
@@ -189,6 +216,10 @@ fn balustrades() -> Shape {
         };
         shape.block_at(place(0.0, -EMBED), size(0.2, 0.12));
         shape.block_at(place(0.0, RAIL_HEIGHT - 0.12), size(0.22, 0.12));
+        if detail == Detail::Coarse {
+            shape.block_at(place(0.0, 0.1 - EMBED), size(0.1, RAIL_HEIGHT - 0.12 - 0.1 + 2.0 * EMBED));
+            continue;
+        }
         let profile = baluster_profile(RAIL_HEIGHT - 0.12 - 0.1 + 2.0 * EMBED);
         let spacing = BAY / 8.0;
         let count = (2.0 * half_length / spacing).round() as usize;

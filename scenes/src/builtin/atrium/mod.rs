@@ -11,7 +11,7 @@ mod textures;
 use super::shapes::{noise, sin_cos};
 use super::{camera, matte};
 use crate::light::{Light, LightKind};
-use crate::scene::{AlphaMode, Material, Scene, TextureRef, Wrap};
+use crate::scene::{AlphaMode, Material, Mesh, Scene, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
 
 /// Arcade lines from the middle of the court, x and z, which are also the middles of the corner piers.
@@ -26,7 +26,7 @@ const EMBED: f32 = 0.02;
 const STONE: usize = 0;
 const WALL: usize = 1;
 const FLOOR: usize = 2;
-const PAVING: usize = 3;
+pub(super) const PAVING: usize = 3;
 const WATER: usize = 4;
 const TERRACOTTA: usize = 5;
 const BARK: usize = 6;
@@ -34,28 +34,47 @@ const LEAVES: usize = 7;
 const CLOTHS: [usize; 3] = [8, 9, 10];
 
 pub(super) fn build() -> Scene {
-    let mut meshes = masonry::build();
+    let mut meshes = masonry::build(masonry::Detail::Fine);
     meshes.extend(furnishing::build());
-    let images = vec![textures::ashlar(), textures::checker(), textures::leaf()];
-    let texture = |image, wrap| crate::scene::Texture { image, wrap_u: wrap, wrap_v: wrap, nearest: false };
     Scene {
         meshes,
-        materials: materials(),
-        textures: vec![texture(0, Wrap::Repeat), texture(1, Wrap::Repeat), texture(2, Wrap::ClampToEdge)],
-        images,
-        lights: vec![Light {
-            name: "sun".into(),
-            kind: LightKind::Directional,
-            position: Vec3::ZERO,
-            direction: Vec3::new(0.5, -1.0, -0.3).normalize(),
-            color: Vec3::new(1.0, 0.93, 0.82),
-            intensity: 8.0,
-            range: None,
-        }],
+        lights: vec![sunlight()],
         cameras: vec![
             camera("court", Vec3::new(-7.7, 1.7, 0.25), Vec3::new(3.0, 3.6, -0.5), 66.0),
             camera("gallery", Vec3::new(-9.6, 7.9, 0.2), Vec3::new(0.0, 5.4, -0.1), 66.0),
         ],
+        ..looks()
+    }
+}
+
+/// The court as one of many: its stone and cloth, coarsely. About a tenth of the faces.
+pub(super) fn coarse() -> Vec<Mesh> {
+    let mut meshes = masonry::build(masonry::Detail::Coarse);
+    meshes.extend(furnishing::banners([4, 6]));
+    meshes
+}
+
+/// Into the court from one corner of the sky.
+pub(super) fn sunlight() -> Light {
+    Light {
+        name: "sun".into(),
+        kind: LightKind::Directional,
+        position: Vec3::ZERO,
+        direction: Vec3::new(0.5, -1.0, -0.3).normalize(),
+        color: Vec3::new(1.0, 0.93, 0.82),
+        intensity: 8.0,
+        range: None,
+    }
+}
+
+/// Materials and their textures, of no mesh.
+pub(super) fn looks() -> Scene {
+    let images = vec![textures::ashlar(), textures::checker(), textures::leaf()];
+    let texture = |image, wrap| crate::scene::Texture { image, wrap_u: wrap, wrap_v: wrap, nearest: false };
+    Scene {
+        materials: materials(),
+        textures: vec![texture(0, Wrap::Repeat), texture(1, Wrap::Repeat), texture(2, Wrap::ClampToEdge)],
+        images,
         ..Scene::default()
     }
 }
