@@ -149,7 +149,7 @@ mod tests {
     fn probes_stay_those_in_a_new_block_go_and_a_new_room_gets_its_own() {
         let ([low, high], [other_low, other_high]) = rooms();
         let one = room(low, high);
-        let first = scene(&[one.clone()], false);
+        let first = scene(std::slice::from_ref(&one), false);
         let places = lattice(4.0);
         let probes: Vec<Vec3> = places.iter().step_by(2).copied().collect();
         let caster = RayCaster::new(&first).expect("tree");
