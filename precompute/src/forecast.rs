@@ -1,6 +1,6 @@
 //! What a bake is going to take, told from a few of its leaves before the others are made; and what there is.
 
-use crate::{error::BakeError, output::OutputError};
+use crate::{error::BakeError, memory::resident_bytes, output::OutputError};
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -77,13 +77,6 @@ fn available_memory() -> Option<u64> {
         groups.ancestors().take_while(|folder| folder.starts_with("/sys/fs/cgroup")).filter_map(most).min()
     };
     [of_machine(), of_group()].into_iter().flatten().min()
-}
-
-/// Memory that this process has now.
-pub fn resident_bytes() -> Option<u64> {
-    let text = fs::read_to_string("/proc/self/status").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
 }
 
 #[cfg(unix)]

@@ -21,7 +21,7 @@
 
 use localprt_surfaces::emitters;
 pub use localprt_surfaces::rays;
-pub use localprt_tools::{inputs, metrics, output, picture, progress, reference_file};
+pub use localprt_tools::{inputs, memory, metrics, output, picture, progress, reference_file};
 
 pub mod budget;
 pub mod cache;

@@ -7,6 +7,7 @@ pub use localprt_tools::progress::StageTime;
 
 use crate::{progress::Progress, settings::BakeSettings};
 use localprt_formats::BakedView;
+use localprt_tools::memory::peak_rss_bytes;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -377,13 +378,6 @@ impl BakeReport {
     }
 }
 
-/// Largest resident size of a process so far, by its number or `self`; `None` where the system does not say.
-pub fn peak_rss_bytes(process: &str) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let kibibytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?;
-    Some(kibibytes.trim().parse::<u64>().ok()? * 1024)
-}
-
 /// Median, the upper of two; 0 of nothing.
 pub fn median(values: impl IntoIterator<Item = f32>) -> f32 {
     let mut sorted: Vec<f32> = values.into_iter().collect();
@@ -412,14 +406,14 @@ mod tests {
         assert_eq!(keys(&json["unseen"]).join(" "), "mean p95 max");
         assert_eq!(keys(&json["compression"]).join(" "), "rms_error max_error");
         assert_eq!(keys(&json["bytes"]).join(" "), "projection reconstruction relight file near_light");
-        assert_eq!(keys(&json["stages"][0]).join(" "), "name seconds");
+        assert_eq!(keys(&json["stages"][0]).join(" "), "name seconds peak_rss_bytes");
         assert_eq!(serde_json::from_value::<BakeReport>(json).expect("a report"), report);
     }
 
     #[test]
     fn the_embedded_copy_does_not_change_from_run_to_run() {
         let first = BakeReport { seconds: 1.0, threads: 1, peak_rss_bytes: 5, receivers: 9, ..BakeReport::default() };
-        let stages = vec![StageTime { name: "unwrap".into(), seconds: 3.0 }];
+        let stages = vec![StageTime { name: "unwrap".into(), seconds: 3.0, peak_rss_bytes: 4 }];
         let bytes = Bytes { file: 7, ..first.bytes };
         let second = BakeReport { seconds: 2.0, threads: 8, peak_rss_bytes: 6, stages, bytes, ..first.clone() };
         assert_eq!(first.to_embedded_json(), second.to_embedded_json());
@@ -437,11 +431,5 @@ mod tests {
         assert_eq!((unseen.p95, unseen.max), (f64::from(0.95f32), 1.0));
         assert_eq!(Unseen::of(&[0.5]), Unseen { mean: 0.5, p95: 0.5, max: 0.5 });
         assert_eq!(Unseen::of(&[]), Unseen::default());
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn peak_memory_is_known_on_linux() {
-        assert!(peak_rss_bytes("self").is_some_and(|bytes| bytes > 100_000));
     }
 }

@@ -9,7 +9,8 @@ use crate::{
     cells::CellGrid,
     clusters::{Cluster, RefineSettings, refine},
     error::BakeError,
-    forecast::{Forecast, Room, resident_bytes},
+    forecast::{Forecast, Room},
+    memory::{peak_rss_bytes, resident_bytes},
     progress::{Progress, StageGuard},
     rays::RayCaster,
     report::CacheUse,
@@ -155,7 +156,7 @@ impl<'a> LeafWork<'a> {
         let all: usize = self.leaves.iter().map(Vec::len).sum();
         let blocks: usize = made.iter().map(|(_, leaf)| leaf.block_bytes()).sum();
         let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
-        let peak = crate::report::peak_rss_bytes("self").unwrap_or(0) as f64;
+        let peak = peak_rss_bytes("self").unwrap_or(0) as f64;
         let file_bytes = blocks + OF_RECEIVER * all as f64 + self.beside_bytes as f64;
         // Leaves, the file's arrays, and the bytes of the file.
         let now = resident_bytes().unwrap_or(0) as f64;

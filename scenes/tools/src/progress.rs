@@ -5,6 +5,7 @@
 //! Libraries take `&Progress` too; [`Progress::silent`] shows nothing. Stages, notes and warnings are events of `tracing` as well,
 //! with the target `localprt`: a program that bakes has them in its own log.
 
+use crate::memory::peak_rss_bytes;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::io::{self, IsTerminal, Write};
@@ -32,13 +33,16 @@ pub enum Verbosity {
 #[error("interrupted; nothing was written")]
 pub struct Cancelled;
 
-/// Wall time of a stage.
+/// What a stage took.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
     /// Name as shown.
     pub name: String,
     /// Wall time.
     pub seconds: f64,
+    /// Largest resident size of the process until its end; 0 where the system does not say.
+    #[serde(default)]
+    pub peak_rss_bytes: u64,
 }
 
 /// Shows stages, counts work, and knows whether to stop.
@@ -115,7 +119,7 @@ impl Progress {
     pub fn stage(&self, name: &str, total: u64) -> StageGuard<'_> {
         tracing::debug!(target: TARGET, stage = name, total, "started");
         let mut record = self.record();
-        record.stages.push(StageTime { name: name.to_owned(), seconds: 0.0 });
+        record.stages.push(StageTime { name: name.to_owned(), ..StageTime::default() });
         let index = record.stages.len() - 1;
         drop(record);
         let bar = self.bars.as_ref().map(|bars| bars.add(new_bar(name, total)));
@@ -235,7 +239,9 @@ impl StageGuard<'_> {
 impl Drop for StageGuard<'_> {
     fn drop(&mut self) {
         let seconds = self.started.elapsed().as_secs_f64();
-        self.progress.record().stages[self.index].seconds = seconds;
+        let peak_rss_bytes = peak_rss_bytes("self").unwrap_or(0);
+        let stage = &mut self.progress.record().stages[self.index];
+        (stage.seconds, stage.peak_rss_bytes) = (seconds, peak_rss_bytes);
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
             if let Some(bars) = &self.progress.bars {

@@ -5,8 +5,8 @@
 
 use super::outcome::Failure;
 use localprt_precompute::error::{CommandError, Exit};
+use localprt_precompute::memory::peak_rss_bytes;
 use localprt_precompute::progress::Progress;
-use localprt_precompute::report::peak_rss_bytes;
 use localprt_tools::error::reason;
 use std::fs::File;
 use std::io::{self, Write};
