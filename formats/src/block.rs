@@ -231,6 +231,13 @@ impl BlockArrays {
         self.data.extend(bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
     }
 
+    /// Appends a block as another list stores it, which has it alone: its record and its bytes, four to a word.
+    pub fn append(&mut self, record: BlockRecord, data: &[u32]) {
+        let first = 4 * self.data.len() as u64;
+        self.records.push(BlockRecord { offset: [first as u32, (first >> 32) as u32], ..record });
+        self.data.extend_from_slice(data);
+    }
+
     /// The same, borrowed.
     pub fn view(&self) -> Blocks<'_> {
         Blocks { records: &self.records, data: &self.data }

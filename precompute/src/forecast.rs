@@ -1,6 +1,10 @@
 //! What a bake is going to take, told from a few of its leaves before the others are made; and what there is.
 
-use crate::{error::BakeError, memory::resident_bytes, output::OutputError};
+use crate::{
+    error::BakeError,
+    memory::resident_bytes,
+    output::{OutputError, folder_of},
+};
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -32,8 +36,7 @@ pub struct Room {
 impl Room {
     /// That of this process for a baked file: memory of the machine or of its control group (cgroup v2), and the free bytes of the disk.
     pub fn for_file(path: PathBuf) -> Self {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(".".as_ref());
-        let disk = free_bytes(folder);
+        let disk = free_bytes(folder_of(&path));
         Self { memory_bytes: available_memory(), disk: disk.map(|free| (path, free)) }
     }
 

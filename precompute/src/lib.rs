@@ -43,6 +43,7 @@ pub mod relight_rays;
 pub mod report;
 pub mod scale;
 pub mod scene_digests;
+pub mod scratch;
 pub mod settings;
 pub mod shards;
 pub mod transport;

@@ -9,6 +9,7 @@ use localprt_tools::program::finish;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    return_large_arrays();
     if std::env::args_os().nth(1).is_some_and(|argument| argument == CHILD_ARGUMENT) {
         return xatlas_child_main();
     }
@@ -17,3 +18,22 @@ fn main() -> ExitCode {
         Err(refused) => ExitCode::from(if refused.print() { Exit::Usage } else { Exit::Done }.code()),
     }
 }
+
+/// Large arrays get pages of their own, which go back to the system as they are freed. By default glibc takes the size of what was freed
+/// for the size from which it does so, and the leaves of a bake, which come and go on all threads, leave holes that nothing fills:
+/// the peak of a city of four blocks was 283 MB, and is 201.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn return_large_arrays() {
+    use nix::libc::{M_MMAP_THRESHOLD, M_TRIM_THRESHOLD, mallopt};
+    const LARGE: i32 = 256 << 10;
+    for option in [M_MMAP_THRESHOLD, M_TRIM_THRESHOLD] {
+        #[expect(unsafe_code, reason = "sets a number of the allocator, before there is another thread")]
+        // SAFETY: mallopt takes no pointers, and a value out of range changes nothing.
+        unsafe {
+            mallopt(option, LARGE);
+        }
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn return_large_arrays() {}

@@ -27,6 +27,7 @@ use crate::{
     progress::Progress,
     rays::RayCaster,
     report::{BakeReport, CacheUse},
+    scratch::Scratch,
     settings::BakeSettings,
     transport::FitScene,
     volume::VolumeCells,
@@ -58,13 +59,15 @@ pub struct BakeOutput {
     pub report: BakeReport,
 }
 
-/// What a bake may use of others.
+/// What a bake may use beside its scene.
 #[derive(Clone, Copy, Default)]
 pub struct Reuse<'a> {
     /// What the bake may take: one that is going to take more is refused after a few leaves. Absent: all there is.
     pub room: Option<&'a Room>,
     /// Results by what they depend on. The output is the same with it and without.
     pub cache: Option<&'a Cache>,
+    /// Where large results lie until the bake ends; absent: in memory.
+    pub scratch: Option<&'a Scratch>,
     /// An earlier bake, whose charts, probes and leaves stay where they are as far as the scene lets them.
     pub previous: Option<&'a Previous>,
 }
@@ -199,7 +202,7 @@ fn run<T>(
 
     // Probes, what supports whom, and what each sees.
     let placed = Placed::of(&caster, space, receivers, volume, reuse.previous, settings, progress)?;
-    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, reuse.previous, settings, progress)?;
+    let mut views = Views::of(&caster, &atlas, &laid_out, &placed.probes, reuse, settings, progress)?;
 
     // Local transport: one leaf at a time to finished clusters; no type holds all rows.
     let given = Given { caster: &caster, receivers, placed: &placed, views: &mut views, settings };
@@ -226,7 +229,7 @@ fn run<T>(
         leaves: transported.tree.clone(),
         ..BakePlan::new(settings, laid_out.charts.clone(), placed.report.spread)
     };
-    let mut arrays = assemble(&laid_out, settings, &placed.probes, views.rays, transported);
+    let mut arrays = assemble(&laid_out, settings, &placed.probes, views.rays, transported)?;
     report.count_bytes(&arrays.view());
     drop(stage);
     report.warnings = progress.warnings();

@@ -6,11 +6,12 @@ use localprt_precompute::cache::Cache;
 use localprt_precompute::error::{BakeError, CommandError, Exit};
 use localprt_precompute::forecast::Room;
 use localprt_precompute::inputs;
-use localprt_precompute::output::{OutputError, check_writable};
+use localprt_precompute::output::{OutputError, check_writable, folder_of};
 use localprt_precompute::pipeline::{self, BakeOutput, KeptBake, Reuse, Written};
 use localprt_precompute::plan::Previous;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::report::BakeReport;
+use localprt_precompute::scratch::Scratch;
 use localprt_precompute::settings::{BakeSettings, Preset};
 use localprt_scenes::Scene;
 use localprt_tools::hex;
@@ -113,7 +114,8 @@ fn bake_scene(
         None => Previous::open(output).ok().filter(|previous| previous.plan.is_for(settings)),
     };
     let room = Room::for_file(output.to_owned());
-    let reuse = Reuse { cache, previous: previous.as_ref(), room: Some(&room) };
+    let scratch = Scratch::in_folder(folder_of(output))?;
+    let reuse = Reuse { cache, previous: previous.as_ref(), room: Some(&room), scratch: Some(&scratch) };
     let baked = pipeline::bake_with(scene, settings, reuse, progress);
     let baked = baked.map_err(|error| of_scene(error, source))?;
     let written = write(baked, source, [output, scene_output], progress)?;

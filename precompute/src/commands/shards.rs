@@ -6,10 +6,11 @@ use localprt_precompute::{
     cache::{Cache, CacheOptions, NoPlace, Place, PlaceError},
     error::{BakeError, CommandError, Exit},
     inputs,
-    output::{OutputError, check_writable, write_file},
+    output::{OutputError, check_writable, folder_of, write_file},
     pipeline::{self, Reuse},
     plan::Previous,
     progress::Progress,
+    scratch::Scratch,
     settings::BakeSettings,
     shards::ShardPlan,
 };
@@ -46,7 +47,8 @@ pub fn plan(command: &Plan, progress: &Progress) -> Result<(), CommandError> {
     let place = command.cache.clone().unwrap_or_else(|| Place::Folder(ShardPlan::parts(path)));
     let cache = open(&place)?;
     let hash = hex(&scene.hash);
-    let reuse = Reuse { cache: Some(&cache), previous: named.as_ref(), room: None };
+    let scratch = Scratch::in_folder(&std::env::temp_dir())?;
+    let reuse = Reuse { cache: Some(&cache), previous: named.as_ref(), scratch: Some(&scratch), ..Reuse::default() };
     let costs =
         pipeline::costs(scene, &settings, reuse, progress).map_err(|error| bake::of_scene(error, &command.scene))?;
     cache.finish(progress);
@@ -88,7 +90,10 @@ pub fn shard(path: &Path, number: u32, report: Option<&Path>, progress: &Progres
     };
     let leaves = shard.leaves.clone();
     let (n_shards, source, cache) = (planned.plan.shards.len(), planned.source, planned.cache);
-    let reuse = Reuse { cache: Some(&cache), previous: planned.previous.as_ref(), room: None };
+    // The folder of the plan may be far away, or not to be written to.
+    let scratch = Scratch::in_folder(&std::env::temp_dir())?;
+    let previous = planned.previous.as_ref();
+    let reuse = Reuse { cache: Some(&cache), previous, scratch: Some(&scratch), ..Reuse::default() };
     let kept =
         pipeline::keep_leaves(planned.scene, &planned.settings, reuse, (&leaves, planned.plan.n_leaves()), progress)
             .map_err(|error| bake::of_scene(error, &source))?;
@@ -123,7 +128,9 @@ pub fn merge(command: &Merge, progress: &Progress) -> Result<(), CommandError> {
     let planned = Planned::open(&command.plan, progress)?;
     let scene_output = bake::scene_output(&planned.source, &command.output)?;
     bake::check_baked_output(&command.output)?;
-    let reuse = Reuse { cache: Some(&planned.cache), previous: planned.previous.as_ref(), room: None };
+    let scratch = Scratch::in_folder(folder_of(&command.output))?;
+    let (cache, previous) = (Some(&planned.cache), planned.previous.as_ref());
+    let reuse = Reuse { cache, previous, scratch: Some(&scratch), ..Reuse::default() };
     let baked = pipeline::merge(planned.scene, &planned.settings, reuse, planned.plan.n_leaves(), progress).map_err(
         |error| match error {
             BakeError::Missing { leaves } => missing(&planned.plan, &leaves).in_file(&command.plan),
@@ -222,6 +229,6 @@ fn open(place: &Place) -> Result<Cache, PlaceError> {
 
 /// A path as it is from the folder of a plan.
 fn from_plan(plan: &Path, to: &Path) -> Result<String, CommandError> {
-    let folder = plan.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(plan);
     Ok(inputs::relative_path(folder, to).map_err(|cause| OutputError::write(plan, cause))?)
 }

@@ -2,20 +2,19 @@
 
 use super::{
     lay_out::LaidOut,
-    leaf::{LeafTransport, stored_members},
+    leaf::{StowedLeaf, stored_members},
     transported::Transported,
 };
-use crate::{probes::ProbeSet, relight_rays::RelightRays, settings::BakeSettings};
-use localprt_formats::{BakedArrays, BlockArrays, Metadata, Probe, sh};
+use crate::{output::OutputError, probes::ProbeSet, relight_rays::RelightRays, settings::BakeSettings};
+use localprt_formats::{BakedArrays, BlockArrays, Metadata, Probe};
 
-/// Blocks of all leaves as stored, one leaf after the other; `position` is by receiver, and `n_k` the number of outputs of each.
-pub(super) fn stored_blocks(leaves: Vec<LeafTransport>, n_k: usize, position: impl Fn(u32) -> [f32; 3]) -> BlockArrays {
+/// Blocks of all leaves, one leaf after the other.
+pub(super) fn stored_blocks(leaves: Vec<StowedLeaf>) -> Result<BlockArrays, OutputError> {
     let mut blocks = BlockArrays::default();
     for leaf in leaves {
-        let positions: Vec<_> = leaf.members.iter().map(|&member| position(member)).collect();
-        blocks.push(&leaf.block, &positions, n_k);
+        blocks.append(leaf.record, &leaf.block.get()?);
     }
-    blocks
+    Ok(blocks)
 }
 
 /// Arrays of the file: receivers in the order of leaves and their clusters.
@@ -25,7 +24,7 @@ pub(super) fn assemble(
     probes: &ProbeSet,
     rays: RelightRays,
     Transported { leaves, volume, .. }: Transported,
-) -> BakedArrays {
+) -> Result<BakedArrays, OutputError> {
     let mut arrays = BakedArrays {
         probes: probes
             .positions
@@ -49,8 +48,7 @@ pub(super) fn assemble(
         arrays.receiver_normal.push(receivers.normal[member].to_array());
     }
     arrays.receiver_unseen = leaves.iter().flat_map(|leaf| leaf.unseen.iter().copied()).collect();
-    let n_k = sh::function_count(settings.receiver_degree);
-    arrays.blocks = stored_blocks(leaves, n_k, |member| receivers.position[member as usize].to_array());
+    arrays.blocks = stored_blocks(leaves)?;
     arrays.gutters = receivers.gutters.iter().map(|&(texel, receiver)| [texel, stored[receiver as usize]]).collect();
     arrays.seams = receivers
         .seams
@@ -75,5 +73,5 @@ pub(super) fn assemble(
         bounds: [low.to_array(), high.to_array()],
         options: settings.to_toml(),
     };
-    arrays
+    Ok(arrays)
 }

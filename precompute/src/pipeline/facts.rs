@@ -72,11 +72,11 @@ impl Finished<'_> {
         .facts(settings.receivers);
         budget::warnings(&budget.views).iter().for_each(|warning| progress.warn(warning));
 
-        let clusters = || leaves.iter().flat_map(|leaf| &leaf.block.clusters);
+        let clusters = || leaves.iter().flat_map(|leaf| &leaf.clusters);
         let n_clusters = clusters().count();
         let kept: u64 =
             clusters().map(|cluster| u64::from(cluster.n_receivers) * u64::from(cluster.n_coefficients)).sum();
-        let linked: usize = leaves.iter().map(|leaf| leaf.block.cluster_probes.len()).sum();
+        let linked: usize = leaves.iter().map(|leaf| leaf.record.n_cluster_probes as usize).sum();
         let unseen: Vec<f32> = leaves.iter().flat_map(|leaf| leaf.unseen.iter().copied()).collect();
         let errors = || leaves.iter().flat_map(|leaf| leaf.row_error_squared.iter().copied());
         let n_rows = errors().count().max(1);
@@ -99,10 +99,7 @@ impl Finished<'_> {
                 max_error: errors().fold(0.0, f64::max).sqrt(),
             },
             seams: receivers.seams.len() as u64,
-            links: LinkFacts::of(
-                leaves.iter().flat_map(|leaf| leaf.block.near.counts.iter().copied()),
-                receivers.len(),
-            ),
+            links: LinkFacts::of(leaves.iter().flat_map(|leaf| leaf.links.iter().copied()), receivers.len()),
             rays: transported.rays.gather + transported.rays.visibility + n_probes * u64::from(settings.relight_rays),
             gather_rays: transported.rays.gather,
             visibility_rays: transported.rays.visibility,

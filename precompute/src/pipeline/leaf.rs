@@ -1,6 +1,7 @@
 //! Local transport: one leaf of receivers at a time to a finished block; no type holds the rows of more.
 
 use super::{
+    Reuse,
     leaf_cache::{LeafCache, LeafKey, Why},
     near_tiles::near_tiles,
 };
@@ -14,10 +15,11 @@ use crate::{
     progress::{Progress, StageGuard},
     rays::RayCaster,
     report::CacheUse,
+    scratch::{Scratch, Stowed},
     transport::{Links, RayCounts, TransportScene},
 };
 use glam::Vec3;
-use localprt_formats::{ClusterRecord, NearArrays, TransportBlock};
+use localprt_formats::{BlockArrays, BlockRecord, ClusterRecord, TransportBlock};
 use rayon::prelude::*;
 use std::{
     sync::atomic::{AtomicU64, Ordering::Relaxed},
@@ -50,6 +52,23 @@ pub(super) struct LeafTransport {
     pub(super) rays: RayCounts,
 }
 
+/// A finished leaf whose block lies in the scratch.
+pub(super) struct StowedLeaf {
+    /// As stored, the only one of its list.
+    pub(super) record: BlockRecord,
+    /// Its bytes, four to a word.
+    pub(super) block: Stowed<u32>,
+    /// Copies of what the report wants of it.
+    pub(super) clusters: Vec<ClusterRecord>,
+    /// Number of links of each receiver; empty without near light.
+    pub(super) links: Vec<u8>,
+    /// As in the leaf.
+    pub(super) members: Vec<u32>,
+    pub(super) unseen: Vec<f32>,
+    pub(super) row_error_squared: Vec<f64>,
+    pub(super) rays: RayCounts,
+}
+
 /// Leaves of one transport stage, given by their receivers, and how they are come by.
 pub(super) struct LeafWork<'a> {
     transport: &'a TransportScene<'a>,
@@ -58,6 +77,8 @@ pub(super) struct LeafWork<'a> {
     cache: Option<LeafCache<'a>>,
     explains: bool,
     progress: &'a Progress,
+    /// Where finished leaves lie.
+    scratch: Scratch,
     /// What the bake may take; absent: nothing is forecast.
     room: Option<&'a Room>,
     /// Bytes of the file that do not depend on the receivers.
@@ -65,24 +86,25 @@ pub(super) struct LeafWork<'a> {
 }
 
 impl<'a> LeafWork<'a> {
-    /// `transport` notes the cells that its rays cross if there is a cache.
+    /// `transport` notes the cells that its rays cross if there is a cache. With a room, what the bake takes is forecast after a few
+    /// leaves, and has to fit.
     pub(super) fn of(
         transport: &'a TransportScene<'a>,
         refining: &'a RefineSettings,
         leaves: &'a [Vec<u32>],
-        cache: Option<&'a Cache>,
+        Reuse { cache, room, scratch, .. }: Reuse<'a>,
         progress: &'a Progress,
-    ) -> Self {
+    ) -> Result<Self, BakeError> {
         let _stage = cache.map(|_| progress.stage("cache", 0));
         let explains = cache.is_some_and(|cache| cache.options().explain);
-        let cache = cache.and_then(|cache| LeafCache::of(cache, transport, refining));
-        Self { transport, refining, leaves, cache, explains, progress, room: None, beside_bytes: 0 }
+        let cache = cache.map(|cache| LeafCache::of(cache, transport, refining)).transpose()?.flatten();
+        let scratch = scratch.cloned().unwrap_or_default();
+        Ok(Self { transport, refining, leaves, cache, explains, progress, scratch, room, beside_bytes: 0 })
     }
 
-    /// The same with a forecast after a few leaves, if there is a room that they have to fit. `beside_bytes` are those of the file that
-    /// do not depend on the receivers.
-    pub(super) fn within(self, room: Option<&'a Room>, beside_bytes: u64) -> Self {
-        Self { room, beside_bytes, ..self }
+    /// The same, of a file that has so many bytes that do not depend on the receivers.
+    pub(super) fn beside(self, beside_bytes: u64) -> Self {
+        Self { beside_bytes, ..self }
     }
 
     /// Number of leaves.
@@ -92,10 +114,10 @@ impl<'a> LeafWork<'a> {
 
     /// Transport of all leaves, in their order: kept ones from the cache, if there is one. The rows of a leaf are made, compressed and
     /// dropped.
-    pub(super) fn all(&self, stage: &str) -> Result<(Vec<LeafTransport>, CacheUse), BakeError> {
+    pub(super) fn all(&self, stage: &str) -> Result<(Vec<StowedLeaf>, CacheUse), BakeError> {
         let (pilot, others) = self.pilot();
         let mut run = self.run(stage, self.leaves.iter());
-        let keep = |number, leaf| (number, leaf);
+        let keep = |number, leaf| Ok((number, self.stow(leaf)?));
         let started = Instant::now();
         let mut made = run.each(pilot, keep)?;
         if run.used().reused == 0 && !made.is_empty() {
@@ -118,7 +140,7 @@ impl<'a> LeafWork<'a> {
     /// Makes some of the leaves, by number, that the cache does not hold yet, and keeps them there.
     pub(super) fn keep(&self, stage: &str, numbers: Vec<usize>) -> Result<CacheUse, BakeError> {
         let mut run = self.run(stage, numbers.iter().map(|&number| &self.leaves[number]));
-        run.each(numbers, |_, _| ())?;
+        run.each(numbers, |_, _| Ok(()))?;
         Ok(run.used())
     }
 
@@ -148,13 +170,13 @@ impl<'a> LeafWork<'a> {
     }
 
     /// What the bake takes, by what some of its leaves took.
-    fn forecast(&self, made: &[(usize, LeafTransport)], seconds: f64) -> Forecast {
+    fn forecast(&self, made: &[(usize, StowedLeaf)], seconds: f64) -> Forecast {
         let costs = self.costs();
         let of_made: f64 = made.iter().map(|(number, _)| costs[*number]).sum();
         let share = costs.iter().sum::<f64>() / of_made.max(f64::MIN_POSITIVE);
         let receivers: usize = made.iter().map(|(_, leaf)| leaf.members.len()).sum();
         let all: usize = self.leaves.iter().map(Vec::len).sum();
-        let blocks: usize = made.iter().map(|(_, leaf)| leaf.block_bytes()).sum();
+        let blocks: usize = made.iter().map(|(_, leaf)| 4 * leaf.block.len()).sum();
         let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
         let peak = peak_rss_bytes("self").unwrap_or(0) as f64;
         let file_bytes = blocks + OF_RECEIVER * all as f64 + self.beside_bytes as f64;
@@ -187,11 +209,29 @@ impl<'a> LeafWork<'a> {
         Some((cache, key, found))
     }
 
+    /// Puts a leaf away until the file is written.
+    fn stow(&self, leaf: LeafTransport) -> Result<StowedLeaf, BakeError> {
+        let LeafTransport { block, members, unseen, row_error_squared, rays } = leaf;
+        let places = self.transport.receivers.positions();
+        let positions: Vec<_> = members.iter().map(|&member| places[member as usize].to_array()).collect();
+        let BlockArrays { records, data } = BlockArrays::of_one(&block, &positions, self.transport.gather.n_outputs());
+        Ok(StowedLeaf {
+            record: records[0],
+            block: self.scratch.stow(data)?,
+            clusters: block.clusters,
+            links: block.near.counts,
+            members,
+            unseen,
+            row_error_squared,
+            rays,
+        })
+    }
+
     /// A leaf, and whether the cache held it.
-    fn one(&self, members: &[u32]) -> (LeafTransport, bool) {
+    fn one(&self, members: &[u32]) -> Result<(LeafTransport, bool), BakeError> {
         let positions = self.transport.receivers.positions();
         let key = match self.find(members) {
-            Some((_, _, Ok(leaf))) => return (leaf, true),
+            Some((_, _, Ok(leaf))) => return Ok((leaf, true)),
             Some((cache, key, Err(why))) => {
                 if self.explains {
                     self.progress.note(&explanation(members, positions, why));
@@ -200,7 +240,7 @@ impl<'a> LeafWork<'a> {
             }
             None => None,
         };
-        let mut rows = self.transport.rows(&self.transport.leaf(members), members);
+        let mut rows = self.transport.rows(&self.transport.leaf(members)?, members);
         let (rays, links, crossed) = (rows.rays, std::mem::take(&mut rows.links), rows.crossed.take());
         let mut leaf = LeafTransport::of(refine(members, positions, rows, self.refining), rays);
         if self.transport.near.is_some() {
@@ -213,7 +253,7 @@ impl<'a> LeafWork<'a> {
         if let (Some((cache, key)), Some(crossed)) = (key, crossed) {
             cache.keep(&key, members, &leaf, &crossed);
         }
-        (leaf, false)
+        Ok((leaf, false))
     }
 }
 
@@ -229,17 +269,17 @@ impl Run<'_> {
     fn each<T: Send>(
         &mut self,
         numbers: Vec<usize>,
-        take: impl Fn(usize, LeafTransport) -> T + Sync,
+        take: impl Fn(usize, LeafTransport) -> Result<T, BakeError> + Sync,
     ) -> Result<Vec<T>, BakeError> {
         let (work, stage) = (self.work, &self.stage);
         let reused = AtomicU64::new(0);
         let leaf = |number: usize| {
             work.progress.check()?;
             let members = &work.leaves[number];
-            let (leaf, is_kept) = work.one(members);
+            let (leaf, is_kept) = work.one(members)?;
             reused.fetch_add(u64::from(is_kept), Relaxed);
             stage.inc(members.len() as u64);
-            Ok(take(number, leaf))
+            take(number, leaf)
         };
         let taken = numbers.into_par_iter().map(leaf).collect::<Result<Vec<T>, BakeError>>()?;
         let reused = reused.into_inner();
@@ -266,15 +306,6 @@ fn explanation(members: &[u32], positions: &[Vec3], why: Why) -> String {
 }
 
 impl LeafTransport {
-    /// Bytes of its block, but for padding.
-    fn block_bytes(&self) -> usize {
-        let TransportBlock { clusters, cluster_probes, projection, reconstruction, near } = &self.block;
-        let NearArrays { tiles, nodes, counts, links, weights } = near;
-        let matrices = size_of_val(&projection[..]) + size_of_val(&reconstruction[..]);
-        let of_near = size_of_val(&tiles[..]) + size_of_val(&nodes[..]) + counts.len() + links.len() + weights.len();
-        size_of_val(&clusters[..]) + size_of_val(&cluster_probes[..]) + matrices + of_near
-    }
-
     fn of(clusters: Vec<Cluster>, rays: RayCounts) -> Self {
         let mut leaf = Self {
             block: TransportBlock::default(),
@@ -300,15 +331,37 @@ impl LeafTransport {
 }
 
 /// Receivers of all leaves in stored order.
-pub(super) fn stored_members(leaves: &[LeafTransport]) -> Vec<u32> {
+pub(super) fn stored_members(leaves: &[StowedLeaf]) -> Vec<u32> {
     leaves.iter().flat_map(|leaf| leaf.members.iter().copied()).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::{Reuse, bake_with};
-    use crate::{error::BakeError, forecast::Room, progress::Progress, settings::BakeSettings};
+    use crate::{error::BakeError, forecast::Room, progress::Progress, scratch::Scratch, settings::BakeSettings};
     use localprt_scenes::builtin;
+
+    #[test]
+    fn what_lay_on_disk_comes_back_the_same() {
+        let folder = tempfile::tempdir().expect("folder");
+        let settings = BakeSettings {
+            probes: Some(12),
+            receivers: 600,
+            direct_map: 64,
+            gather_rays: 16,
+            relight_rays: 64,
+            leaf: 64,
+            volume: Some(0.5),
+            ..BakeSettings::default()
+        };
+        let bake = |scratch: Option<&Scratch>| {
+            let reuse = Reuse { scratch, ..Reuse::default() };
+            bake_with(builtin::scene("cornell").expect("a scene"), &settings, reuse, &Progress::silent())
+                .expect("bakes")
+        };
+        let scratch = Scratch::in_folder(folder.path()).expect("opens");
+        assert!(bake(Some(&scratch)).arrays == bake(None).arrays);
+    }
 
     #[test]
     fn a_bake_that_cannot_fit_is_refused_before_most_of_its_leaves_are_made() {

@@ -11,6 +11,7 @@ use crate::{
     cells::{CellGrid, CellSet},
     clusters::RefineSettings,
     digest::{Digest, Digester},
+    output::OutputError,
     transport::{CellContents, RayCounts, TransportScene},
 };
 use localprt_formats::{NearArrays, TransportBlock};
@@ -59,13 +60,17 @@ impl Why {
 
 impl<'a> LeafCache<'a> {
     /// Of a stage whose rays note the cells that they cross.
-    pub(super) fn of(cache: &'a Cache, transport: &TransportScene<'_>, refining: &RefineSettings) -> Option<Self> {
-        let contents = CellContents::of(transport)?;
+    pub(super) fn of(
+        cache: &'a Cache,
+        transport: &TransportScene<'_>,
+        refining: &RefineSettings,
+    ) -> Result<Option<Self>, OutputError> {
+        let Some(contents) = CellContents::of(transport) else { return Ok(None) };
         let RefineSettings { threshold, max_coefficients, n_sh, n_sky } = *refining;
         let mut digester = Digester::new("leaves");
         code(&mut digester);
         digester.one(transport.digest()).one(threshold).one([max_coefficients as u64, n_sh as u64, n_sky as u64]);
-        Some(Self { cache, contents, shared: digester.finish(), probes: transport.digests_of_probes() })
+        Ok(Some(Self { cache, contents, shared: digester.finish(), probes: transport.digests_of_probes()? }))
     }
 
     /// The key of a leaf.
@@ -422,7 +427,7 @@ mod tests {
         let unchanged = bake_with(
             scene.clone(),
             settings,
-            Reuse { cache: Some(&cache), previous: Some(&previous), room: None },
+            Reuse { cache: Some(&cache), previous: Some(&previous), ..Reuse::default() },
             &Progress::silent(),
         );
         assert_eq!(unchanged.expect("bakes").report.cache, Some(CacheUse { reused: all, baked: 0 }));
@@ -430,7 +435,7 @@ mod tests {
             let mut edited = scene.clone();
             edit(&mut edited);
             let bake = |cache| {
-                let reuse = Reuse { cache, previous: Some(&previous), room: None };
+                let reuse = Reuse { cache, previous: Some(&previous), ..Reuse::default() };
                 bake_with(edited.clone(), settings, reuse, &Progress::silent()).expect("bakes")
             };
             let (expected, found) = (bake(None), bake(Some(&cache)));

@@ -4,7 +4,7 @@ use super::{
     Reuse,
     assemble::stored_blocks,
     failures::placement_error,
-    leaf::{LeafTransport, LeafWork, cells, stored_members},
+    leaf::{LeafWork, StowedLeaf, cells, stored_members},
     place::Placed,
     views::Views,
 };
@@ -12,6 +12,7 @@ use crate::{
     clusters::{LeafTree, RefineSettings, leaves},
     error::BakeError,
     lightmap::ReceiverSet,
+    output::OutputError,
     probes,
     progress::Progress,
     rays::RayCaster,
@@ -27,7 +28,7 @@ use localprt_formats::{VolumeArrays, sh};
 /// Transport of a bake.
 pub(super) struct Transported {
     /// To the receivers of the lightmap.
-    pub(super) leaves: Vec<LeafTransport>,
+    pub(super) leaves: Vec<StowedLeaf>,
     /// To the cells of the volume.
     pub(super) volume: Option<VolumeArrays>,
     /// Rays that both cost.
@@ -106,7 +107,7 @@ pub(super) struct Given<'a> {
 /// Hands over the leaves of a bake, none of which is made yet.
 pub(super) fn with_leaves<T>(
     Given { caster, receivers, placed, views, settings }: Given<'_>,
-    Reuse { cache, previous, room }: Reuse<'_>,
+    reuse: Reuse<'_>,
     progress: &Progress,
     then: impl FnOnce(Stages<'_>) -> Result<T, BakeError>,
 ) -> Result<T, BakeError> {
@@ -122,9 +123,9 @@ pub(super) fn with_leaves<T>(
         sky_basis: &sky_basis,
         fit: views.fit.as_ref(),
         near: None,
-        cells: cells(cache, caster),
+        cells: cells(reuse.cache, caster),
     };
-    let plan = previous.map(|previous| &previous.plan);
+    let plan = reuse.previous.map(|previous| &previous.plan);
     // The texels are many, and nothing else needs them.
     let near = settings.near_bytes_in_force().zip(views.light_map.take()).map(|(bytes, (atlas, texels))| {
         let _stage = progress.stage("near light", 0);
@@ -166,12 +167,15 @@ pub(super) fn with_leaves<T>(
     let volume = of_cells
         .as_ref()
         .zip(of_volume.as_ref())
-        .map(|(transport, (_, _, members))| LeafWork::of(transport, &refining, members, cache, progress));
+        .map(|(transport, (_, _, members))| {
+            LeafWork::of(transport, &refining, members, Reuse { room: None, ..reuse }, progress)
+        })
+        .transpose()?;
     let RelightRays { dirs, sh, uv, level, distance, .. } = &views.rays;
     let of_rays =
         size_of_val(&dirs[..]) + size_of_val(&sh[..]) + size_of_val(&uv[..]) + level.len() + size_of_val(&distance[..]);
     then(Stages {
-        leaves: LeafWork::of(&transport, &refining, &members, cache, progress).within(room, of_rays as u64),
+        leaves: LeafWork::of(&transport, &refining, &members, reuse, progress)?.beside(of_rays as u64),
         volume,
         tree,
         near_least_gain: near.as_ref().map(NearField::least_gain),
@@ -194,7 +198,7 @@ impl Transported {
                 let (leaves, its_use) = volume.all(OF_VOLUME)?;
                 rays += leaves.iter().map(|leaf| leaf.rays).sum();
                 use_of_cache += its_use;
-                Some(stored_volume(cells, leaves))
+                Some(stored_volume(cells, leaves)?)
             }
             None => None,
         };
@@ -212,12 +216,12 @@ impl Transported {
 }
 
 /// The volume as stored.
-fn stored_volume(cells: &VolumeCells, leaves: Vec<LeafTransport>) -> VolumeArrays {
+fn stored_volume(cells: &VolumeCells, leaves: Vec<StowedLeaf>) -> Result<VolumeArrays, OutputError> {
     let cell = |member: u32| cells.cells[member as usize];
-    VolumeArrays {
+    Ok(VolumeArrays {
         grid: cells.grid,
         cells: stored_members(&leaves).into_iter().map(cell).collect(),
-        blocks: stored_blocks(leaves, cells.grid.n_k(), |member| cells.grid.position(cell(member) as usize)),
+        blocks: stored_blocks(leaves)?,
         fill: cells.fill.clone(),
-    }
+    })
 }

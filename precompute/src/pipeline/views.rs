@@ -1,13 +1,12 @@
 //! What probes see: places of their relight rays in the light map, and what rows are fitted with. Each ray is traced once for both.
 
-use super::lay_out::LaidOut;
+use super::{Reuse, lay_out::LaidOut};
 use crate::{
     error::BakeError,
     lightmap::{
         Atlas, ChartPyramid, TexelMap,
         texels::{self, ReceiverMap},
     },
-    plan::Previous,
     probe_views::ProbeDirections,
     probes::ProbeSet,
     progress::Progress,
@@ -35,10 +34,11 @@ impl Views {
         atlas: &Atlas,
         LaidOut { layout, receivers, .. }: &LaidOut,
         probes: &ProbeSet,
-        previous: Option<&Previous>,
+        Reuse { previous, scratch, .. }: Reuse<'_>,
         settings: &BakeSettings,
         progress: &Progress,
     ) -> Result<Self, BakeError> {
+        let scratch = scratch.cloned().unwrap_or_default();
         let prior = (settings.transport == Transport::Fitted).then(|| {
             let _stage = progress.stage("fit", 0);
             FitPrior::of(caster, atlas, receivers, probes, previous.and_then(|previous| previous.plan.fit))
@@ -56,10 +56,11 @@ impl Views {
         let lookups = LightMapLookups { caster, atlas: &light_map, charts: &charts };
         let directions = ProbeDirections::new(settings.relight_rays, &sh::Basis::new(settings.probe_degree));
         let views = directions.views(caster, &probes.positions, |hits| {
-            (lookups.of_probe(&directions, hits), prior.as_ref().map(|prior| prior.seen(caster, hits)))
+            (lookups.of_probe(&directions, hits), prior.as_ref().map(|prior| prior.seen(caster, hits, &scratch)))
         });
         let (rays, seen): (Vec<_>, Vec<_>) = views.into_iter().unzip();
-        let fit = prior.map(|prior| FitScene::of(caster, prior, &directions, seen.into_iter().flatten().collect()));
+        let seen = seen.into_iter().flatten().collect::<Result<Vec<_>, _>>()?;
+        let fit = prior.map(|prior| FitScene::of(caster, prior, &directions, seen));
         progress.check()?;
         let direct_texels = texels.texels.len();
         let rays = RelightRays::of_all(directions, rays);

@@ -2,7 +2,13 @@
 //! scene.
 
 use super::BakeOutput;
-use crate::{error::BakeError, inputs::relative_path, output::OutputError, progress::Progress, report::BakeReport};
+use crate::{
+    error::BakeError,
+    inputs::relative_path,
+    output::{OutputError, folder_of},
+    progress::Progress,
+    report::BakeReport,
+};
 use localprt_formats::WriteError;
 use localprt_scenes::{ExportError, export_glb};
 use std::path::{Path, PathBuf};
@@ -46,7 +52,7 @@ impl BakeOutput {
             None => export_glb(&self.scene, scene).map_err(|error| not_exported(scene, error))?,
         };
         let scene = kept.unwrap_or(scene).to_owned();
-        let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(output);
         self.arrays.metadata.scene_hash = hash;
         self.arrays.metadata.scene_path =
             relative_path(folder, &scene).map_err(|cause| OutputError::write(output, cause))?;

@@ -5,6 +5,7 @@ use super::{Receivers, Sites, TransportScene};
 use crate::{
     cells::{CellGrid, CellSet, MARGIN},
     digest::{Digest, Digester},
+    output::OutputError,
     scene_digests::digests_of_materials,
 };
 use glam::{IVec3, Vec2, Vec3};
@@ -42,14 +43,17 @@ impl TransportScene<'_> {
     }
 
     /// `[n_probes]` of each probe and what it sees.
-    pub fn digests_of_probes(&self) -> Vec<Digest> {
+    ///
+    /// # Errors
+    /// Those of the scratch that holds what they see.
+    pub fn digests_of_probes(&self) -> Result<Vec<Digest>, OutputError> {
         let of_probe = |probe: u32| {
             let mut digester = Digester::new("probe");
             digester.one(self.probes.positions[probe as usize]);
             if let Some(fit) = self.fit {
-                fit.digest_of_probe(probe, &mut digester);
+                fit.digest_of_probe(probe, &mut digester)?;
             }
-            digester.finish()
+            Ok(digester.finish())
         };
         (0..self.probes.positions.len() as u32).into_par_iter().map(of_probe).collect()
     }

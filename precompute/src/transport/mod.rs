@@ -29,6 +29,7 @@ pub use receivers::{Receivers, Sites};
 
 use crate::{
     cells::{CellGrid, CellSet},
+    output::OutputError,
     probes::{ProbeSet, Support},
     rays::RayCaster,
 };
@@ -135,9 +136,12 @@ impl std::iter::Sum for RayCounts {
 impl TransportScene<'_> {
     /// The leaf of the receivers `members`. A pure function of its arguments.
     ///
+    /// # Errors
+    /// Those of the scratch that holds what the probes see.
+    ///
     /// # Panics
     /// If the gather set is not one for receivers of this kind.
-    pub fn leaf(&self, members: &[u32]) -> TransportLeaf {
+    pub fn leaf(&self, members: &[u32]) -> Result<TransportLeaf, OutputError> {
         let is_open = matches!(self.receivers, Receivers::Open(_));
         assert_eq!(
             is_open,
@@ -145,7 +149,7 @@ impl TransportScene<'_> {
             "all directions count to points in the open, half of them to surfaces"
         );
         let probes = self.union_of_support(members);
-        let fit = self.fit.map(|fit| {
+        let leaf_fit = |fit: &FitScene| {
             let place = |&member: &u32| self.receivers.positions()[member as usize];
             let bounds = members
                 .iter()
@@ -161,10 +165,11 @@ impl TransportScene<'_> {
                 }
             }
             fit.leaf(bounds, &probes, &weights, self.probe_basis.len())
-        });
+        };
+        let fit = self.fit.map(leaf_fit).transpose()?;
         let mut traced = Traced::new(self.cells);
         let openings = fit.as_ref().and_then(|_| Openings::of(self, members, &mut traced));
-        TransportLeaf { probes, fit, openings, traced }
+        Ok(TransportLeaf { probes, fit, openings, traced })
     }
 
     /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.

@@ -61,7 +61,7 @@ impl Setup {
 
     pub(super) fn rows(&self, scene: &Scene, gather: &GatherSet, probe_degree: u32, sky_degree: u32) -> TransportRows {
         self.with(scene, gather, [probe_degree, sky_degree], false, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         })
     }
 
@@ -80,7 +80,7 @@ impl Setup {
             let near = NearField::new(transport.caster, atlas, &map, transport.probes, transport.support);
             let near = near.within(bytes, transport);
             let transport = TransportScene { near: Some(&near), ..*transport };
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         })
     }
 
@@ -99,7 +99,9 @@ impl Setup {
         let [probe_basis, sky_basis] = degrees.map(sh::Basis::new);
         let atlas = Atlas::default();
         let directions = crate::probe_views::ProbeDirections::new(RELIGHT_RAYS, &probe_basis);
-        let fit = fitted.then(|| FitScene::new(&caster, &atlas, &self.receivers, &self.probes, &directions, None));
+        let fit = fitted.then(|| {
+            FitScene::new(&caster, &atlas, &self.receivers, &self.probes, &directions, None).expect("in memory")
+        });
         let transport = TransportScene {
             caster: &caster,
             receivers: match self.receivers.normal.iter().all(|normal| *normal == Vec3::ZERO) {
@@ -182,7 +184,7 @@ fn rows_and_links_share_constant_radiance_between_them() {
         let counts = all.each_ref().map(count);
         assert!(counts[0] == 0 && counts[1] > 0 && counts[2] > counts[1], "{counts:?}");
         let alone = setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         });
         for rows in &all {
             for (member, links) in rows.links.iter().enumerate() {
@@ -293,7 +295,7 @@ fn fitted_rows_know_a_small_opening_better_than_their_few_rays() {
     let errors = [false, true].map(|fitted| {
         let gather = GatherSet::new(256, 0, 0);
         let rows = setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         });
         let error =
             |(row, &(position, _)): (&[f32], &(Vec3, Vec3))| row[7 * 16] * (4.0 * PI).sqrt() / expected(position) - 1.0;

@@ -19,7 +19,8 @@
 
 use super::lit::{Lit, MetRay, positive};
 use crate::{
-    progress::{Cancelled, Progress},
+    error::BakeError,
+    progress::Progress,
     rays::SurfaceHit,
     transport::{GatherSet, TransportScene},
 };
@@ -43,13 +44,13 @@ pub struct TruthLeg {
 /// Walks from the truth to the transport row at some receivers, given in file order, with their path traced first bounce.
 ///
 /// # Errors
-/// [`Cancelled`].
+/// Those of [`Subject::each`].
 pub fn truth_leg(
     lit: &Lit<'_>,
     receivers: &[u32],
     first_bounce: &[Vec3],
     progress: &Progress,
-) -> Result<Vec<TruthLeg>, Cancelled> {
+) -> Result<Vec<TruthLeg>, BakeError> {
     let subject = lit.subject;
     let cosine = GatherSet::new(DENSE_RAYS, 0, subject.settings.seed);
     let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed);

@@ -17,8 +17,9 @@
 
 use super::{lit::irradiance_weight, lobe::cosine_lobe, subject::Subject};
 use crate::{
+    error::BakeError,
     probe_views::ProbeDirections,
-    progress::{Cancelled, Progress},
+    progress::Progress,
     rays::OccluderHint,
     transport::{GatherRay, Sites, TransportLeaf},
 };
@@ -58,8 +59,8 @@ struct SeenPoint {
 /// Both at some receivers, given in file order.
 ///
 /// # Errors
-/// [`Cancelled`].
-pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<Unlit>, Cancelled> {
+/// Those of [`Subject::each`].
+pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<Unlit>, BakeError> {
     let probe_basis = Basis::new(subject.view.metadata.probe_degree);
     let field_basis = Basis::new(FIELD_DEGREE);
     let views = ProbeViews::trace(subject, receivers, &probe_basis);

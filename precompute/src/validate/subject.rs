@@ -112,7 +112,7 @@ impl<'a> Subject<'a> {
             Transport::Fitted => {
                 let directions = ProbeDirections::new(metadata.n_rays, &probe_basis);
                 let constants = plan.as_ref().and_then(|plan| plan.fit);
-                Some(FitScene::new(caster, &atlas, &placed, &probes, &directions, constants))
+                Some(FitScene::new(caster, &atlas, &placed, &probes, &directions, constants)?)
             }
         };
         let planes = plan.as_ref().map(|plan| &plan.leaves);
@@ -191,14 +191,14 @@ impl<'a> Subject<'a> {
     /// Results of `at(index, leaf)` for some receivers, given in file order: `[n_receivers]`, worked on leaf by leaf.
     ///
     /// # Errors
-    /// [`Cancelled`].
+    /// [`BakeError::Cancelled`], and [`BakeError::Output`] of a scratch.
     pub fn each<T: Send + Clone + Default>(
         &self,
         name: &str,
         receivers: &[u32],
         progress: &Progress,
         at: impl Fn(usize, &TransportLeaf) -> T + Sync,
-    ) -> Result<Vec<T>, Cancelled> {
+    ) -> Result<Vec<T>, BakeError> {
         let stage = progress.stage(name, receivers.len() as u64);
         let transport = self.transport();
         let mut by_leaf = vec![Vec::new(); self.leaves.len()];
@@ -208,16 +208,16 @@ impl<'a> Subject<'a> {
         let asked_for = self.leaves.par_iter().zip(&by_leaf).filter(|(_, indices)| !indices.is_empty());
         let of_leaf = |(members, indices): (&Vec<u32>, &Vec<usize>)| {
             progress.check()?;
-            let leaf = transport.leaf(members);
+            let leaf = transport.leaf(members)?;
             let found = indices.par_iter().map(|&index| {
                 progress.check()?;
                 let found = at(index, &leaf);
                 stage.inc(1);
                 Ok((index, found))
             });
-            found.collect::<Result<Vec<_>, Cancelled>>()
+            found.collect::<Result<Vec<_>, BakeError>>()
         };
-        let found = asked_for.map(of_leaf).collect::<Result<Vec<_>, Cancelled>>()?;
+        let found = asked_for.map(of_leaf).collect::<Result<Vec<_>, BakeError>>()?;
         let mut results = vec![T::default(); receivers.len()];
         for (index, found) in found.into_iter().flatten() {
             results[index] = found;

@@ -4,6 +4,7 @@
 use crate::cli;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs::{self, BUILTIN};
+use localprt_precompute::output::folder_of;
 use localprt_precompute::settings::{BakeSettings, OPTIONS, Preset, nearest, parse};
 use localprt_scenes::Lighting;
 use std::collections::{BTreeMap, BTreeSet};
@@ -66,7 +67,7 @@ impl Plan {
     /// The first thing that is wrong, with the scene or table and the key.
     pub fn read(list: &Path) -> Result<Self, CommandError> {
         let text = inputs::text(list)?;
-        let root = list.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let root = folder_of(list);
         let plan = of_text(list, root, &text).map_err(|error| error.in_file(list))?;
         plan.check_outputs().map_err(|error| error.in_file(list))?;
         Ok(plan)

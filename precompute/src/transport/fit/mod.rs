@@ -46,17 +46,20 @@ use crate::{
     digest::Digester,
     emitters::Emitters,
     lightmap::{Atlas, ReceiverSet},
+    output::OutputError,
     probe_views::ProbeDirections,
     probes::ProbeSet,
     rays::{FacePoint, RayCaster, SurfaceHit},
+    scratch::{Scratch, Stowed},
 };
+use bytemuck::{Pod, Zeroable};
 use field::Modes;
 use glam::Vec3;
 use localprt_scenes::{FaceId, Lighting, SurfaceShading};
 use openness::Openness;
 use patches::{Cut, Patches};
 use serde::{Deserialize, Serialize};
-use std::f32::consts::PI;
+use std::{borrow::Cow, f32::consts::PI};
 
 /// Edge of the finest patches, as a share of the probe spacing.
 const FINEST: f32 = 0.1;
@@ -106,7 +109,7 @@ pub struct FitScene {
     /// `[n_rays][n_sh]` SH of the relight rays times 4 pi / n_rays.
     table: Vec<f32>,
     /// `[n_probes]` what the relight rays of each see, by rising ray.
-    views: Vec<Vec<SeenPoint>>,
+    views: Vec<Stowed<SeenPoint>>,
     openness: Openness,
     emitters: Emitters,
     /// Points of what emits, with their faces: the same for all receivers.
@@ -122,12 +125,31 @@ pub struct FitPrior {
 }
 
 /// A surface point that a relight ray meets.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub struct SeenPoint {
     ray: u32,
     position: Vec3,
     normal: Vec3,
-    surface: Surface,
+    scale: f32,
+    /// 1 or 0.
+    glows: u32,
+}
+
+/// What a probe sees, and what the prior's usual scale takes of it.
+pub struct SeenByProbe {
+    points: Stowed<SeenPoint>,
+    /// Sum of the squares of s of what does not glow, and how many that are.
+    squares: f64,
+    count: usize,
+}
+
+impl SeenByProbe {
+    fn of(points: Vec<SeenPoint>, scratch: &Scratch) -> Result<Self, OutputError> {
+        let scales = || points.iter().filter(|point| point.glows == 0).map(|point| f64::from(point.scale));
+        let (squares, count) = (scales().map(|scale| scale.powi(2)).sum(), scales().count());
+        Ok(Self { squares, count, points: scratch.stow(points)? })
+    }
 }
 
 /// What the rows of a leaf are fitted with.
@@ -177,13 +199,22 @@ impl FitPrior {
     }
 
     /// What a probe sees, of what its rays meet.
-    pub fn seen(&self, caster: &RayCaster<'_>, hits: &[Option<SurfaceHit>]) -> Vec<SeenPoint> {
+    ///
+    /// # Errors
+    /// Those of the scratch.
+    pub fn seen(
+        &self,
+        caster: &RayCaster<'_>,
+        hits: &[Option<SurfaceHit>],
+        scratch: &Scratch,
+    ) -> Result<SeenByProbe, OutputError> {
         let point = |(ray, hit): (usize, &Option<SurfaceHit>)| {
             let hit = hit.as_ref()?;
-            let surface = self.openness.surface(caster, &hit.point?);
-            Some(SeenPoint { ray: ray as u32, position: hit.position, normal: hit.normal, surface })
+            let Surface { scale, glows } = self.openness.surface(caster, &hit.point?);
+            let glows = u32::from(glows);
+            Some(SeenPoint { ray: ray as u32, position: hit.position, normal: hit.normal, scale, glows })
         };
-        hits.iter().enumerate().filter_map(point).collect()
+        SeenByProbe::of(hits.iter().enumerate().filter_map(point).collect(), scratch)
     }
 }
 
@@ -193,7 +224,7 @@ impl FitScene {
         caster: &RayCaster<'_>,
         FitPrior { spacing_m, kept, openness }: FitPrior,
         directions: &ProbeDirections,
-        views: Vec<Vec<SeenPoint>>,
+        views: Vec<SeenByProbe>,
     ) -> Self {
         let usual_scale = kept.map_or_else(|| usual_scale(&views), |kept| kept.usual_scale);
         let emitters = Emitters::of(caster.scene(), &SurfaceShading::new(caster.scene(), &Lighting::default()));
@@ -202,10 +233,14 @@ impl FitScene {
         } else {
             (0..EMITTER_SAMPLES).map(|index| emitter_sample(&emitters, index)).collect()
         };
+        let views = views.into_iter().map(|seen| seen.points).collect();
         Self { spacing_m, usual_scale, table: directions.sh.clone(), views, openness, emitters, emitter_samples }
     }
 
     /// The same, with probe views of its own: so many rays of each probe.
+    ///
+    /// # Errors
+    /// None: the views stay in memory.
     pub fn new(
         caster: &RayCaster<'_>,
         atlas: &Atlas,
@@ -213,10 +248,10 @@ impl FitScene {
         probes: &ProbeSet,
         directions: &ProbeDirections,
         kept: Option<FitConstants>,
-    ) -> Self {
-        let prior = FitPrior::of(caster, atlas, receivers, probes, kept);
-        let views = directions.views(caster, &probes.positions, |hits| prior.seen(caster, hits));
-        Self::of(caster, prior, directions, views)
+    ) -> Result<Self, OutputError> {
+        let (prior, scratch) = (FitPrior::of(caster, atlas, receivers, probes, kept), Scratch::default());
+        let views = directions.views(caster, &probes.positions, |hits| prior.seen(caster, hits, &scratch));
+        Ok(Self::of(caster, prior, directions, views.into_iter().collect::<Result<_, _>>()?))
     }
 
     /// Constants that all leaves are fitted with.
@@ -274,10 +309,14 @@ impl FitScene {
     }
 
     /// Takes in what a probe sees.
-    pub(super) fn digest_of_probe(&self, probe: u32, digester: &mut Digester) {
-        for &SeenPoint { ray, position, normal, surface: Surface { scale, glows } } in &self.views[probe as usize] {
-            digester.one(ray).one(position).one(normal).one(scale).one(u8::from(glows));
+    ///
+    /// # Errors
+    /// Those of the scratch that holds it.
+    pub(super) fn digest_of_probe(&self, probe: u32, digester: &mut Digester) -> Result<(), OutputError> {
+        for &SeenPoint { ray, position, normal, scale, glows } in self.views[probe as usize].get()?.iter() {
+            digester.one(ray).one(position).one(normal).one(scale).one(glows as u8);
         }
+        Ok(())
     }
 
     /// Takes in what is read of a part of a face beside its material: see [`Openness::digest`].
@@ -286,18 +325,29 @@ impl FitScene {
     }
 
     /// What the rows of receivers within a box are fitted with. A pure function of its arguments.
-    pub(super) fn leaf(&self, bounds: (Vec3, Vec3), probes: &[u32], weights: &[f32], n_sh: usize) -> LeafFit {
-        let (patches, seen) = self.patches(bounds, probes);
+    ///
+    /// # Errors
+    /// Those of the scratch that holds the views.
+    pub(super) fn leaf(
+        &self,
+        bounds: (Vec3, Vec3),
+        probes: &[u32],
+        weights: &[f32],
+        n_sh: usize,
+    ) -> Result<LeafFit, OutputError> {
+        let seen: Vec<Cow<'_, [SeenPoint]>> =
+            probes.iter().map(|&id| self.views[id as usize].get()).collect::<Result<_, _>>()?;
+        let (patches, places) = self.patches(bounds, &seen);
         // Λ_i transposed, [n_patches][n_sh].
-        let views: Vec<Vec<f32>> = probes
+        let views: Vec<Vec<f32>> = seen
             .iter()
-            .zip(&seen)
-            .map(|(&id, places)| {
+            .zip(&places)
+            .map(|(points, places)| {
                 let mut lambda = vec![0.0; patches.len() * n_sh];
-                for (seen, &patch) in self.views[id as usize].iter().zip(places) {
+                for (seen, &patch) in points.iter().zip(places) {
                     let values = &self.table[seen.ray as usize * n_sh..][..n_sh];
                     for (sum, value) in lambda[patch as usize * n_sh..][..n_sh].iter_mut().zip(values) {
-                        *sum += seen.surface.scale * value;
+                        *sum += seen.scale * value;
                     }
                 }
                 lambda
@@ -309,8 +359,8 @@ impl FitScene {
         let glowing = patches.places().iter().map(|place| place.glows).collect::<Vec<_>>();
         let views = views
             .into_iter()
-            .zip(probes)
-            .map(|(mut lambda, &id)| {
+            .zip(&seen)
+            .map(|(mut lambda, points)| {
                 let matrix = modes.project(&lambda, n_sh);
                 let variance = if glowing.contains(&true) {
                     for (values, &glows) in lambda.chunks_exact_mut(n_sh).zip(&glowing) {
@@ -323,19 +373,20 @@ impl FitScene {
                 } else {
                     dot(&matrix, &matrix)
                 };
-                let matrix = beside(&matrix, &self.common(id, n_sh), n_sh);
+                let matrix = beside(&matrix, &self.common(points, n_sh), n_sh);
                 ProbeModes { gram: solve::gram(&matrix, n_sh), matrix, variance }
             })
             .collect();
-        LeafFit { probes: probes.to_vec(), n_sh, ridge, usual_scale: self.usual_scale, patches, modes, views }
+        let probes = probes.to_vec();
+        Ok(LeafFit { probes, n_sh, ridge, usual_scale: self.usual_scale, patches, modes, views })
     }
 
-    /// u_i, `[n_sh][COMMON]`.
-    fn common(&self, probe: u32, n_sh: usize) -> Vec<f32> {
+    /// u_i, `[n_sh][COMMON]`, of a probe that sees some points.
+    fn common(&self, points: &[SeenPoint], n_sh: usize) -> Vec<f32> {
         let mut sums = vec![0.0; n_sh * COMMON];
-        for point in &self.views[probe as usize] {
+        for point in points {
             let values = &self.table[point.ray as usize * n_sh..][..n_sh];
-            let common = common(point.surface.scale, self.usual_scale);
+            let common = common(point.scale, self.usual_scale);
             for (sums, value) in sums.as_chunks_mut::<COMMON>().0.iter_mut().zip(values) {
                 sums.iter_mut().zip(common).for_each(|(sum, common)| *sum += common * value);
             }
@@ -343,22 +394,16 @@ impl FitScene {
         sums
     }
 
-    /// Patches around a box as the probes see them, and the patch of each point seen: coarser until they are few enough.
-    fn patches(&self, bounds: (Vec3, Vec3), probes: &[u32]) -> (Patches, Vec<Vec<u32>>) {
+    /// Patches around a box as probes see them, by the points that each sees, and the patch of each point: coarser until they are
+    /// few enough.
+    fn patches(&self, bounds: (Vec3, Vec3), seen: &[Cow<'_, [SeenPoint]>]) -> (Patches, Vec<Vec<u32>>) {
         let mut cut = Cut { low: bounds.0, high: bounds.1, finest_m: FINEST * self.spacing_m, angle: ANGLE };
         loop {
             let mut patches = Patches::new(cut);
-            let seen: Vec<Vec<u32>> = probes
-                .iter()
-                .map(|&id| {
-                    self.views[id as usize]
-                        .iter()
-                        .map(|seen| patches.add(seen.position, seen.normal, seen.surface.glows))
-                        .collect()
-                })
-                .collect();
+            let mut of_point = |seen: &SeenPoint| patches.add(seen.position, seen.normal, seen.glows != 0);
+            let places: Vec<Vec<u32>> = seen.iter().map(|points| points.iter().map(&mut of_point).collect()).collect();
             if patches.len() <= MOST_PATCHES {
-                return (patches, seen);
+                return (patches, places);
             }
             cut = Cut { finest_m: 1.2 * cut.finest_m, angle: (1.2 * cut.angle).min(WIDEST), ..cut };
         }
@@ -500,10 +545,9 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// Root mean square of s over what relight rays meet, but for what emits; 1 where they meet nothing else.
-fn usual_scale(views: &[Vec<SeenPoint>]) -> f32 {
-    let scales = || views.iter().flatten().map(|seen| &seen.surface).filter(|surface| !surface.glows);
-    let squares: f64 = scales().map(|surface| f64::from(surface.scale).powi(2)).sum();
-    let mean = squares / scales().count().max(1) as f64;
+fn usual_scale(views: &[SeenByProbe]) -> f32 {
+    let squares: f64 = views.iter().map(|seen| seen.squares).sum();
+    let mean = squares / views.iter().map(|seen| seen.count).sum::<usize>().max(1) as f64;
     if mean > 0.0 { in_steps(mean.sqrt() as f32) } else { 1.0 }
 }
 

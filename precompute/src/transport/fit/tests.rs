@@ -17,7 +17,7 @@ fn both(setup: &Setup, gather: &GatherSet, degrees: [u32; 2]) -> [TransportRows;
     let scene = room(HALF, None);
     [false, true].map(|fitted| {
         setup.with(&scene, gather, degrees, fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         })
     })
 }
@@ -25,7 +25,8 @@ fn both(setup: &Setup, gather: &GatherSet, degrees: [u32; 2]) -> [TransportRows;
 /// `a = a0 + (Λ K Λᵀ + μ t W⁻¹)⁻¹ Λ K (e - Λᵀ a0)` of one receiver with the whole of K, in f64, probe by probe.
 fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0: &[f32]) -> Vec<f64> {
     let n_sh = leaf.n_sh;
-    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), support);
+    let views: Vec<_> = support.iter().map(|&id| fit.views[id as usize].get().expect("in memory")).collect();
+    let (patches, seen) = fit.patches((leaf.patches.cut().low, leaf.patches.cut().high), &views);
     let places = patches.places();
     let n = places.len();
     let covariance = DMatrix::from_fn(n, n, |p, q| {
@@ -33,10 +34,10 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
         own * f64::from(field::covariance(&places[p], &places[q], CORRELATION * fit.spacing_m))
     });
     let mut lambda = DMatrix::<f64>::zeros(support.len() * n_sh, n);
-    for (slot, (&id, patches)) in support.iter().zip(&seen).enumerate() {
-        for (point, &patch) in fit.views[id as usize].iter().zip(patches) {
+    for (slot, (points, patches)) in views.iter().zip(&seen).enumerate() {
+        for (point, &patch) in points.iter().zip(patches) {
             for j in 0..n_sh {
-                let value = fit.table[point.ray as usize * n_sh + j] * point.surface.scale;
+                let value = fit.table[point.ray as usize * n_sh + j] * point.scale;
                 lambda[(slot * n_sh + j, patch as usize)] += f64::from(value);
             }
         }
@@ -54,17 +55,17 @@ fn long_form(fit: &FitScene, leaf: &LeafFit, support: &[u32], found: &Found, a0:
         (covariance.resize(all, all, 0.0), lambda.resize_horizontally(all, 0.0), e.resize_vertically(all, 0.0));
     for mode in 0..COMMON {
         covariance[(n + mode, n + mode)] = 1.0;
-        let of = |surface: &Surface| f64::from(common(surface.scale, fit.usual_scale)[mode]);
-        for (slot, &id) in support.iter().enumerate() {
-            for point in &fit.views[id as usize] {
+        let of = |scale: f32| f64::from(common(scale, fit.usual_scale)[mode]);
+        for (slot, points) in views.iter().enumerate() {
+            for point in points.iter() {
                 for j in 0..n_sh {
                     let value = f64::from(fit.table[point.ray as usize * n_sh + j]);
-                    lambda[(slot * n_sh + j, n + mode)] += of(&point.surface) * value;
+                    lambda[(slot * n_sh + j, n + mode)] += of(point.scale) * value;
                 }
             }
         }
         let hits = found.hits.iter().zip(&found.hit_weights);
-        let seen: f64 = hits.map(|(hit, &weight)| f64::from(weight) * of(&hit.surface)).sum();
+        let seen: f64 = hits.map(|(hit, &weight)| f64::from(weight) * of(hit.surface.scale)).sum();
         let unseen = f64::from(found.unseen_common[0][mode]);
         e[n + mode] = seen + f64::from(found.seen_share).powi(EXTRAPOLATION) * unseen;
     }
@@ -100,7 +101,7 @@ fn rows_are_those_of_the_long_form() {
 
 fn is_the_long_form(transport: &TransportScene<'_>, members: &[u32]) {
     let mut workspace = Workspace::default();
-    let leaf = transport.leaf(members);
+    let leaf = transport.leaf(members).expect("in memory");
     let (fit, leaf_fit) = (transport.fit.expect("fitted"), leaf.fit.as_ref().expect("fitted"));
     for &member in members {
         receiver_rows(transport, member as usize, LookUps::Few, None, &mut workspace);
@@ -124,7 +125,7 @@ fn what_is_left_of_a_random_field_is_less_and_as_predicted() {
     let gather = GatherSet::new(1024, 0, 0);
     let mut workspace = Workspace::default();
     setup.with(&room(HALF, None), &gather, [4, 0], true, |transport, members| {
-        let leaf = transport.leaf(members);
+        let leaf = transport.leaf(members).expect("in memory");
         let fit = leaf.fit.as_ref().expect("fitted");
         let n_modes = fit.modes.len() + COMMON;
         let n_sh = fit.n_sh;
@@ -187,7 +188,7 @@ fn constant_radiance_stays_pi_where_the_prior_expects_a_dark_wall() {
     let gather = GatherSet::new(1024, 0, 0);
     let [paper, fitted] = [false, true].map(|fitted| {
         setup.with(&scene, &gather, [4, 0], fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         })
     });
     for (paper, fitted) in constant(&paper, 4).into_iter().zip(constant(&fitted, 4)) {
@@ -226,7 +227,7 @@ fn constant_radiance_loses_less_where_no_probe_sees_some_of_the_surfaces() {
     let gather = GatherSet::new(1024, 0, 0);
     let [paper, fitted] = [false, true].map(|fitted| {
         setup.with(&scene, &gather, [4, 0], fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         })
     });
     assert!(paper.unseen.iter().all(|unseen| (0.05..0.6).contains(unseen)), "{:?}", paper.unseen);
@@ -256,8 +257,9 @@ fn a_probe_behind_a_wall_gets_exactly_nothing() {
     probes.push(Vec3::new(2.2, 0.0, 0.0));
     let setup = Setup::new(&[(Vec3::new(1.9, -1.5, 0.0), Vec3::Y)], &probes, 8.0);
     let gather = GatherSet::new(512, 0, 0);
-    let rows = setup
-        .with(&scene, &gather, [3, 0], true, |transport, members| transport.rows(&transport.leaf(members), members));
+    let rows = setup.with(&scene, &gather, [3, 0], true, |transport, members| {
+        transport.rows(&transport.leaf(members).expect("in memory"), members)
+    });
     assert!(rows.rows[..3 * 16].iter().any(|&value| value != 0.0));
     assert!(rows.rows[3 * 16..4 * 16].iter().all(|&value| value == 0.0));
 }
@@ -269,7 +271,7 @@ fn rows_do_not_depend_on_the_other_members_and_the_sky_is_left_alone() {
     for receiver_degree in [0, 1] {
         let gather = GatherSet::new(256, receiver_degree, 0);
         let rows = setup.with(&scene, &gather, [3, 2], true, |transport, members| {
-            let leaf = transport.leaf(members);
+            let leaf = transport.leaf(members).expect("in memory");
             let all = transport.rows(&leaf, members);
             let one = transport.rows(&leaf, &members[1..2]);
             let per_member = all.rows.len() / members.len();
@@ -302,7 +304,7 @@ fn compression_means_the_same_in_dark_scenes() {
         let mut scene = room(HALF, None);
         scene.materials.iter_mut().for_each(|material| material.base_color = Vec4::splat(albedo));
         setup.with(&scene, &gather, [3, 2], true, |transport, members| {
-            transport.rows(&transport.leaf(members), members).metric.expect("fitted")
+            transport.rows(&transport.leaf(members).expect("in memory"), members).metric.expect("fitted")
         })
     };
     let (bright, dark) = (metric(0.5), metric(0.25));
@@ -365,7 +367,7 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
     let gather = GatherSet::new(1024, 0, 0);
     let leak = |fitted: bool| {
         setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
-            let rows = transport.rows(&transport.leaf(members), members);
+            let rows = transport.rows(&transport.leaf(members).expect("in memory"), members);
             let n_sh = 16;
             let Receivers::Surface(receivers) = transport.receivers else { panic!("receivers of a surface") };
             let fit = FitScene::new(
@@ -375,9 +377,11 @@ fn a_lamp_that_a_receiver_does_not_see_leaks_less() {
                 transport.probes,
                 &ProbeDirections::new(2000, transport.probe_basis),
                 None,
-            );
+            )
+            .expect("in memory");
             let sum = |(id, row): (&u32, &[f32])| -> f32 {
-                let glowing = fit.views[*id as usize].iter().filter(|point| point.surface.glows);
+                let seen = fit.views[*id as usize].get().expect("in memory");
+                let glowing = seen.iter().filter(|point| point.glows != 0);
                 glowing.map(|point| dot(row, &fit.table[point.ray as usize * n_sh..][..n_sh])).sum()
             };
             rows.probes.iter().zip(rows.rows.chunks_exact(n_sh)).map(sum).sum::<f32>().abs()
@@ -402,7 +406,7 @@ fn a_leaf_without_anything_to_see_keeps_its_rows() {
     for probe in [Vec3::new(0.0, 30.0, 0.0), Vec3::new(0.0, -1.0, 0.0)] {
         let setup = Setup::new(&[(Vec3::ZERO, Vec3::Y)], &[probe], 40.0);
         let rows = setup.with(&scene, &gather, [2, 1], true, |transport, members| {
-            transport.rows(&transport.leaf(members), members)
+            transport.rows(&transport.leaf(members).expect("in memory"), members)
         });
         assert!(rows.rows[..9].iter().all(|&value| value == 0.0));
     }
@@ -416,7 +420,7 @@ fn a_room_of_lamps_alone_keeps_the_papers_rows() {
     let gather = GatherSet::new(256, 0, 0);
     let [paper, fitted] = [false, true].map(|fitted| {
         setup.with(&scene, &gather, [3, 0], fitted, |transport, members| {
-            transport.rows(&transport.leaf(members), members).rows
+            transport.rows(&transport.leaf(members).expect("in memory"), members).rows
         })
     });
     assert_eq!(paper, fitted);

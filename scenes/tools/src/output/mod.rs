@@ -55,6 +55,11 @@ pub enum OutputError {
     },
 }
 
+/// The folder that a file lies in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 impl OutputError {
     /// A refusal of the system.
     pub fn write(path: &Path, cause: io::Error) -> Self {
@@ -148,7 +153,7 @@ fn target(path: &Path) -> Result<Target, OutputError> {
     if real.file_name().is_none() || path.as_os_str().as_encoded_bytes().ends_with(b"/") {
         return Err(OutputError::IsFolder { path: path.to_owned() });
     }
-    let folder = real.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+    let folder = folder_of(&real).to_owned();
     match fs::metadata(&folder) {
         Ok(data) if data.is_dir() => Ok(Target::Renamed { path: real, folder }),
         Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(OutputError::write(path, cause)),
