@@ -22,6 +22,8 @@ pub struct Forecast {
     pub memory_bytes: f64,
     /// Size of the baked file.
     pub file_bytes: f64,
+    /// The same with what the bake puts away until it is written.
+    pub disk_bytes: f64,
 }
 
 /// What a bake may take.
@@ -54,8 +56,8 @@ impl Room {
             });
         }
         match &self.disk {
-            Some((path, free)) if SURE * forecast.file_bytes > *free as f64 => {
-                let needed = format!("about {:.0} bytes are needed, {free} are free", forecast.file_bytes);
+            Some((path, free)) if SURE * forecast.disk_bytes > *free as f64 => {
+                let needed = format!("about {:.0} bytes are needed, {free} are free", forecast.disk_bytes);
                 Err(OutputError::write(path, io::Error::new(io::ErrorKind::StorageFull, needed)).into())
             }
             _ => Ok(()),
@@ -101,12 +103,12 @@ mod tests {
     #[test]
     fn what_cannot_fit_is_refused_and_what_may_is_tried() {
         let room = Room { memory_bytes: Some(1_000_000_000), disk: Some(("a.lprt".into(), 1_000_000)) };
-        let forecast = Forecast { seconds: 1.0, memory_bytes: 1.1e9, file_bytes: 1.1e6 };
+        let forecast = Forecast { seconds: 1.0, memory_bytes: 1.1e9, file_bytes: 0.7e6, disk_bytes: 1.1e6 };
         assert!(room.check(&forecast).is_ok());
         let exit = |forecast: Forecast| CommandError::from(room.check(&forecast).expect_err("refused")).exit;
         assert_eq!(exit(Forecast { memory_bytes: 1.4e9, ..forecast }), Exit::Usage);
-        assert_eq!(exit(Forecast { file_bytes: 1.4e6, ..forecast }), Exit::Io);
-        assert!(Room::default().check(&Forecast { memory_bytes: 1e30, file_bytes: 1e30, ..forecast }).is_ok());
+        assert_eq!(exit(Forecast { disk_bytes: 1.4e6, ..forecast }), Exit::Io);
+        assert!(Room::default().check(&Forecast { memory_bytes: 1e30, disk_bytes: 1e30, ..forecast }).is_ok());
     }
 
     #[test]

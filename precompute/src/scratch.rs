@@ -49,6 +49,11 @@ impl Scratch {
         Ok(Self(Some(Arc::new(ScratchFile { file, folder: folder.into(), end: AtomicU64::new(0) }))))
     }
 
+    /// Bytes that it takes of the disk; 0 in memory.
+    pub fn disk_bytes(&self) -> u64 {
+        self.0.as_ref().map_or(0, |file| file.end.load(Relaxed))
+    }
+
     /// Takes a list of values in.
     ///
     /// # Errors

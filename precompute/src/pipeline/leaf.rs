@@ -180,9 +180,13 @@ impl<'a> LeafWork<'a> {
         let blocks = blocks as f64 * all as f64 / receivers.max(1) as f64;
         let peak = peak_rss_bytes("self").unwrap_or(0) as f64;
         let file_bytes = blocks + OF_RECEIVER * all as f64 + self.beside_bytes as f64;
-        // Leaves, the file's arrays, and the bytes of the file.
+        // Without a disk the leaves are in memory beside the arrays of the file.
+        let put_away = self.scratch.disk_bytes() as f64;
+        let copies = if put_away > 0.0 { 1.0 } else { 2.0 };
         let now = resident_bytes().unwrap_or(0) as f64;
-        Forecast { seconds: seconds * share, memory_bytes: peak.max(now + 3.0 * file_bytes), file_bytes }
+        let memory_bytes = peak.max(now + copies * file_bytes);
+        let disk_bytes = file_bytes + if put_away > 0.0 { put_away + blocks } else { 0.0 };
+        Forecast { seconds: seconds * share, memory_bytes, file_bytes, disk_bytes }
     }
 
     /// Numbers of the leaves that the cache does not hold.
