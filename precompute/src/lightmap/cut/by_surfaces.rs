@@ -48,10 +48,12 @@ struct Face {
 pub fn by_surfaces(scene: &mut Scene, caster: &RayCaster<'_>, texel_m: &(dyn Fn(Vec3) -> f32 + Sync)) -> Walls {
     let standing = Standing::of(scene, caster);
     let places: Vec<(usize, usize)> = scene.faces().collect();
-    let mut faces: Vec<Option<Face>> = places
+    let mut faces: Vec<Option<Box<Face>>> = places
         .par_iter()
         .enumerate()
-        .map(|(face, &(mesh, triangle))| Face::of(&standing, face, scene.corners(mesh, triangle), texel_m))
+        .map(|(face, &(mesh, triangle))| {
+            Face::of(&standing, face, scene.corners(mesh, triangle), texel_m).map(Box::new)
+        })
         .collect();
     if faces.iter().all(Option::is_none) {
         return Walls::default();
@@ -62,7 +64,7 @@ pub fn by_surfaces(scene: &mut Scene, caster: &RayCaster<'_>, texel_m: &(dyn Fn(
     });
 
     let mut cut = faces.into_iter();
-    let of_meshes: Vec<Vec<Option<Face>>> =
+    let of_meshes: Vec<Vec<Option<Box<Face>>>> =
         scene.meshes.iter().map(|mesh| cut.by_ref().take(mesh.triangles.len()).collect()).collect();
     let edges = scene
         .meshes
@@ -149,7 +151,7 @@ fn edges(corners: [Vec3; 3]) -> [EdgeKey; 3] {
 }
 
 /// Makes faces that share an edge cut it at the same points.
-fn agree(faces: &mut [Option<Face>]) -> Cuts {
+fn agree(faces: &mut [Option<Box<Face>>]) -> Cuts {
     let mut cuts = Cuts::new();
     for face in faces.iter_mut().flatten() {
         for point in 0..face.split.points.len() {
@@ -168,11 +170,11 @@ fn agree(faces: &mut [Option<Face>]) -> Cuts {
 }
 
 /// Cuts the edges of a face where others are cut that share them.
-fn cut_like_neighbors(face: &mut Option<Face>, corners: [Vec3; 3], cuts: &Cuts) {
+fn cut_like_neighbors(face: &mut Option<Box<Face>>, corners: [Vec3; 3], cuts: &Cuts) {
     for (edge, key) in edges(sorted(corners)).iter().enumerate() {
         let Some(cuts) = cuts.get(key) else { continue };
         if face.is_none() {
-            *face = Frame::of(sorted(corners)).map(|frame| Face::whole(corners, &frame));
+            *face = Frame::of(sorted(corners)).map(|frame| Box::new(Face::whole(corners, &frame)));
         }
         for &bits in cuts {
             if let Some(face) = face {
@@ -183,7 +185,7 @@ fn cut_like_neighbors(face: &mut Option<Face>, corners: [Vec3; 3], cuts: &Cuts) 
 }
 
 /// The mesh with its faces cut, in their order; what stands on the new edges and the old ones goes into `walls`.
-fn rebuild(mesh: &mut Mesh, faces: Vec<Option<Face>>, walls: &mut HashSet<EdgeKey>) {
+fn rebuild(mesh: &mut Mesh, faces: Vec<Option<Box<Face>>>, walls: &mut HashSet<EdgeKey>) {
     let triangles = std::mem::take(&mut mesh.triangles);
     let mut cut = Vec::with_capacity(triangles.len());
     let mut on_edges: HashMap<([u32; 2], u64), u32> = HashMap::new();
