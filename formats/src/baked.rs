@@ -1,6 +1,6 @@
 //! What a baked file holds, as plain arrays.
 
-use crate::block::{BlockArrays, Blocks, Shape};
+use crate::block::{BlockArrays, BlockShape, Blocks};
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 use serde::{Deserialize, Serialize};
@@ -226,8 +226,8 @@ impl BakedArrays {
 
 impl BakedView<'_> {
     /// What blocks of the lightmap's transport are checked against.
-    pub(crate) fn shape(&self) -> Shape {
-        Shape {
+    pub(crate) fn shape(&self) -> BlockShape {
+        BlockShape {
             n_probes: self.probes.len(),
             n_sh: self.metadata.n_sh(),
             n_sky: self.metadata.n_sky(),
@@ -240,7 +240,7 @@ impl BakedView<'_> {
 
 impl VolumeView<'_> {
     /// The same of the volume's.
-    pub(crate) fn shape(&self, file: &BakedView<'_>) -> Shape {
-        Shape { n_k: self.grid.n_k(), of: "volume ", ..file.shape() }
+    pub(crate) fn shape(&self, file: &BakedView<'_>) -> BlockShape {
+        BlockShape { n_k: self.grid.n_k(), of: "volume ", ..file.shape() }
     }
 }

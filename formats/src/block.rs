@@ -3,6 +3,8 @@
 //! A block is the unit in which transport is made, stored, read and checked. The lightmap's transport is a list of blocks and so is
 //! that of a volume: a table of [`BlockRecord`]s, and the bytes of all blocks. `SPEC.md`, 3.1.
 
+use crate::check_blocks::check_parts;
+use crate::error::{Violation, fail};
 use crate::header::ALIGNMENT;
 use bytemuck::{Pod, Zeroable};
 use half::f16;
@@ -159,6 +161,64 @@ impl TransportBlock {
     pub fn n_receivers(&self) -> usize {
         self.clusters.iter().map(|cluster| cluster.n_receivers as usize).sum()
     }
+
+    /// Checks all that can be told of a block of so many receivers before it is stored: that its arrays fit each other, and rules 55
+    /// to 59 and 81 to 86 of `SPEC.md`.
+    ///
+    /// # Errors
+    /// The first broken rule.
+    pub fn check(&self, n_receivers: usize, shape: BlockShape) -> Result<(), Violation> {
+        if !self.fits(n_receivers, shape.n_k) {
+            return fail(51, format!("{}block: its arrays do not fit each other", shape.of));
+        }
+        let record = self.record(n_receivers);
+        if record.n_clusters > record.n_receivers || record.n_tiles > record.n_receivers {
+            return fail(55, format!("{}block: more clusters or tiles than its {n_receivers} receivers", shape.of));
+        }
+        check_parts(&record, &self.parts(), shape)
+    }
+
+    /// Whether arrays have the same length that are to, or one that follows from another's, and all can be counted.
+    fn fits(&self, n_receivers: usize, n_k: usize) -> bool {
+        let NearArrays { tiles, nodes, counts, links, weights } = &self.near;
+        let n_counts = if tiles.is_empty() { 0 } else { n_receivers };
+        let longest = [n_receivers, self.cluster_probes.len(), self.projection.len(), self.reconstruction.len()];
+        let shorter = [nodes.len(), links.len(), tiles.len(), self.clusters.len()];
+        counts.len() == n_counts
+            && Some(weights.len()) == links.len().checked_mul(n_k)
+            && (self.projection.len() | self.reconstruction.len()).is_multiple_of(2)
+            && longest.iter().chain(&shorter).all(|len| u32::try_from(*len).is_ok())
+    }
+
+    /// Its counts, which fit.
+    fn record(&self, n_receivers: usize) -> BlockRecord {
+        BlockRecord {
+            n_receivers: n_receivers as u32,
+            n_clusters: self.clusters.len() as u32,
+            n_cluster_probes: self.cluster_probes.len() as u32,
+            n_lights: self.clusters.iter().fold(0, |sum: u32, cluster| sum.wrapping_add(cluster.n_coefficients)),
+            projection_pairs: (self.projection.len() / 2) as u32,
+            reconstruction_pairs: (self.reconstruction.len() / 2) as u32,
+            n_tiles: self.near.tiles.len() as u32,
+            n_nodes: self.near.nodes.len() as u32,
+            n_links: self.near.links.len() as u32,
+            ..BlockRecord::default()
+        }
+    }
+
+    fn parts(&self) -> BlockParts<'_> {
+        BlockParts {
+            clusters: &self.clusters,
+            cluster_probes: &self.cluster_probes,
+            projection: &self.projection,
+            reconstruction: &self.reconstruction,
+            tiles: &self.near.tiles,
+            nodes: &self.near.nodes,
+            counts: &self.near.counts,
+            links: &self.near.links,
+            weights: &self.near.weights,
+        }
+    }
 }
 
 /// Blocks as they are stored, owned.
@@ -187,46 +247,28 @@ impl BlockArrays {
     /// # Panics
     /// If arrays that are to have the same length, or one that follows from another's, do not: nothing in the file would tell.
     pub fn push(&mut self, block: &TransportBlock, positions: &[[f32; 3]], n_k: usize) {
-        let NearArrays { tiles, nodes, counts, links, weights } = &block.near;
-        let n_counts = if tiles.is_empty() { 0 } else { positions.len() };
-        assert_eq!((counts.len(), weights.len()), (n_counts, links.len() * n_k), "counts and weights of near light");
-        assert!(
-            (block.projection.len() | block.reconstruction.len()).is_multiple_of(2),
-            "matrices are padded to pairs"
-        );
-        let longest = [positions.len(), block.cluster_probes.len(), block.projection.len(), block.reconstruction.len()];
-        let shorter = [nodes.len(), links.len(), tiles.len(), block.clusters.len()];
-        let fits = |len: &usize| u32::try_from(*len).is_ok();
-        assert!(longest.iter().chain(&shorter).all(fits), "a block has less than 2^32 of everything");
+        assert!(block.fits(positions.len(), n_k), "arrays of a block fit each other, and its matrices are padded");
+        let parts = block.parts();
         let parts: [&[u8]; 9] = [
-            bytemuck::cast_slice(&block.clusters),
-            bytemuck::cast_slice(&block.cluster_probes),
-            bytemuck::cast_slice(&block.projection),
-            bytemuck::cast_slice(&block.reconstruction),
-            bytemuck::cast_slice(tiles),
-            bytemuck::cast_slice(nodes),
-            counts,
-            links,
-            bytemuck::cast_slice(weights),
+            bytemuck::cast_slice(parts.clusters),
+            bytemuck::cast_slice(parts.cluster_probes),
+            bytemuck::cast_slice(parts.projection),
+            bytemuck::cast_slice(parts.reconstruction),
+            bytemuck::cast_slice(parts.tiles),
+            bytemuck::cast_slice(parts.nodes),
+            parts.counts,
+            parts.links,
+            bytemuck::cast_slice(parts.weights),
         ];
         let mut bytes = parts.concat();
         bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
         let first = 4 * self.data.len() as u64;
         self.records.push(BlockRecord {
-            n_receivers: positions.len() as u32,
-            n_clusters: block.clusters.len() as u32,
-            n_cluster_probes: block.cluster_probes.len() as u32,
-            n_lights: block.clusters.iter().fold(0, |sum: u32, cluster| sum.wrapping_add(cluster.n_coefficients)),
-            projection_pairs: (block.projection.len() / 2) as u32,
-            reconstruction_pairs: (block.reconstruction.len() / 2) as u32,
-            n_tiles: tiles.len() as u32,
-            n_nodes: nodes.len() as u32,
-            n_links: links.len() as u32,
             checksum: crc32c::crc32c(&bytes),
             offset: [first as u32, (first >> 32) as u32],
             bounds: bounds_of(positions),
             hash: *blake3::hash(&bytes).as_bytes(),
-            reserved: [0; 6],
+            ..block.record(positions.len())
         });
         self.data.extend(bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
     }
@@ -349,14 +391,19 @@ pub(crate) struct BlockParts<'a> {
 
 /// What blocks are checked against: counts of the file that they belong to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shape {
-    pub(crate) n_probes: usize,
-    pub(crate) n_sh: usize,
-    pub(crate) n_sky: usize,
-    pub(crate) n_k: usize,
-    pub(crate) direct_size: u32,
+pub struct BlockShape {
+    /// Number of probes.
+    pub n_probes: usize,
+    /// SH functions per probe.
+    pub n_sh: usize,
+    /// SH functions of the sky.
+    pub n_sky: usize,
+    /// Outputs per receiver.
+    pub n_k: usize,
+    /// Texels per side of the direct light map.
+    pub direct_size: u32,
     /// Names the transport in messages: empty, or `volume `.
-    pub(crate) of: &'static str,
+    pub of: &'static str,
 }
 
 #[cfg(test)]
@@ -401,6 +448,28 @@ mod tests {
             change(&mut broken);
             let stored = std::panic::catch_unwind(|| BlockArrays::of_one(&broken, &[[0.0; 3]], 1));
             assert!(stored.is_err(), "{broken:?}");
+            assert_eq!(broken.check(1, SHAPE).expect_err("refused").rule, 51);
         }
+    }
+
+    const SHAPE: BlockShape = BlockShape { n_probes: 1, n_sh: 4, n_sky: 1, n_k: 1, direct_size: 4, of: "" };
+
+    #[test]
+    fn a_block_is_checked_before_it_is_stored() {
+        assert_eq!(block().check(1, SHAPE), Ok(()));
+        let changes: [(u16, fn(&mut TransportBlock)); 6] = [
+            (55, |block| block.clusters.push(ClusterRecord::default())),
+            (56, |block| block.cluster_probes.push(0)),
+            (57, |block| block.clusters[0].n_sky = 2),
+            (58, |block| block.clusters[0].n_coefficients = 3),
+            (59, |block| block.projection[0] = f16::NAN),
+            (85, |block| block.near.nodes[0] = 16),
+        ];
+        for (rule, change) in changes {
+            let mut broken = block();
+            change(&mut broken);
+            assert_eq!(broken.check(1, SHAPE).expect_err("refused").rule, rule);
+        }
+        assert!(block().check(0, SHAPE).is_err() && block().check(2, SHAPE).is_err());
     }
 }

@@ -3,14 +3,14 @@
 
 use crate::baked::MAX_LEVEL;
 use crate::block::{
-    BlockParts, BlockRecord, Blocks, ClusterRecord, MAX_COEFFICIENTS, NEAR_NODES, NEAR_TILE, Shape, bounds_of,
+    BlockParts, BlockRecord, BlockShape, Blocks, ClusterRecord, MAX_COEFFICIENTS, NEAR_NODES, NEAR_TILE, bounds_of,
     node_level_and_texel,
 };
 use crate::error::{Violation, fail};
 use half::f16;
 
 /// Rules 50 to 54: the table, and where the bytes of the blocks lie. `positions` are those of all receivers.
-pub(crate) fn check_table(blocks: Blocks<'_>, positions: &[[f32; 3]], shape: Shape) -> Result<(), Violation> {
+pub(crate) fn check_table(blocks: Blocks<'_>, positions: &[[f32; 3]], shape: BlockShape) -> Result<(), Violation> {
     let of = shape.of;
     let (mut receiver, mut end) = (0u64, 0u64);
     for (i, record) in blocks.records.iter().enumerate() {
@@ -60,7 +60,11 @@ pub(crate) fn check_table(blocks: Blocks<'_>, positions: &[[f32; 3]], shape: Sha
 }
 
 /// Rules 55 to 59 and 81 to 87 of one block of a table that has been checked: its arrays.
-pub(crate) fn check_block<'a>(blocks: Blocks<'a>, index: usize, shape: Shape) -> Result<BlockParts<'a>, Violation> {
+pub(crate) fn check_block<'a>(
+    blocks: Blocks<'a>,
+    index: usize,
+    shape: BlockShape,
+) -> Result<BlockParts<'a>, Violation> {
     let Some((parts, padding)) = blocks.parts(index, shape.n_k) else {
         return fail(51, format!("{}block {index}: its bytes are not there", shape.of));
     };
@@ -68,16 +72,21 @@ pub(crate) fn check_block<'a>(blocks: Blocks<'a>, index: usize, shape: Shape) ->
         message: format!("{}block {index}, {}", shape.of, violation.message),
         ..violation
     };
-    check_clusters(&blocks.records[index], &parts, shape).map_err(within)?;
-    check_near(&blocks.records[index], &parts, shape).map_err(within)?;
+    check_parts(&blocks.records[index], &parts, shape).map_err(within)?;
     if padding.iter().any(|byte| *byte != 0) {
         return fail(87, format!("{}block {index}: bytes that fill it up are not 0", shape.of));
     }
     Ok(parts)
 }
 
+/// Rules 55 to 59 and 81 to 86: what is in the arrays of a block.
+pub(crate) fn check_parts(record: &BlockRecord, parts: &BlockParts<'_>, shape: BlockShape) -> Result<(), Violation> {
+    check_clusters(record, parts, shape)?;
+    check_near(record, parts, shape)
+}
+
 /// Rules 88 and 89: checksum and hash of every block.
-pub(crate) fn check_hashes(blocks: Blocks<'_>, shape: Shape) -> Result<(), Violation> {
+pub(crate) fn check_hashes(blocks: Blocks<'_>, shape: BlockShape) -> Result<(), Violation> {
     for (i, record) in blocks.records.iter().enumerate() {
         let bytes = blocks.bytes(i, shape.n_k).unwrap_or_default();
         let computed = crc32c::crc32c(bytes);
@@ -93,7 +102,7 @@ pub(crate) fn check_hashes(blocks: Blocks<'_>, shape: Shape) -> Result<(), Viola
 }
 
 /// Rules 55 to 59. Nothing states where the entries of a cluster begin: they follow those of the one before.
-fn check_clusters(record: &BlockRecord, parts: &BlockParts<'_>, shape: Shape) -> Result<(), Violation> {
+fn check_clusters(record: &BlockRecord, parts: &BlockParts<'_>, shape: BlockShape) -> Result<(), Violation> {
     let (mut receivers, mut lights) = (0u64, 0u64);
     let mut probes = parts.cluster_probes;
     let (mut projection, mut reconstruction) = (parts.projection, parts.reconstruction);
@@ -169,7 +178,7 @@ fn check_matrix<'a>(cluster: usize, name: &str, values: &'a [f16], n_values: u64
 }
 
 /// Rules 81 to 86: near light of the block, if there is any.
-fn check_near(record: &BlockRecord, parts: &BlockParts<'_>, shape: Shape) -> Result<(), Violation> {
+fn check_near(record: &BlockRecord, parts: &BlockParts<'_>, shape: BlockShape) -> Result<(), Violation> {
     let (mut receivers, mut nodes, mut n_links) = (0u64, 0u64, 0u64);
     for (i, tile) in parts.tiles.iter().enumerate() {
         let first_receiver = receivers as usize;

@@ -76,8 +76,8 @@ pub use baked::{
     BakedArrays, BakedView, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe, VolumeArrays, VolumeGrid, VolumeView,
 };
 pub use block::{
-    BlockArrays, BlockRecord, Blocks, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile, TransportBlock,
-    node_at, node_level_and_texel,
+    BlockArrays, BlockRecord, BlockShape, Blocks, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile,
+    TransportBlock, node_at, node_level_and_texel,
 };
 pub use check::check_invariants;
 pub use error::{OpenError, Violation, WriteError};

@@ -1,7 +1,7 @@
 //! Checked transport: clusters and tiles of near light with everything that is theirs, numbered over all blocks.
 
 use crate::baked::{BakedView, VolumeView};
-use crate::block::{BlockParts, Blocks, ClusterRecord, NearTile, Shape};
+use crate::block::{BlockParts, BlockShape, Blocks, ClusterRecord, NearTile};
 use crate::check_blocks::check_block;
 use crate::error::Violation;
 use half::f16;
@@ -75,7 +75,7 @@ pub struct Transport<'a> {
 
 impl<'a> Transport<'a> {
     /// Checks every block.
-    pub(crate) fn new(blocks: Blocks<'a>, shape: Shape) -> Result<Self, Violation> {
+    pub(crate) fn new(blocks: Blocks<'a>, shape: BlockShape) -> Result<Self, Violation> {
         let mut transport = Self {
             clusters: Vec::with_capacity(blocks.total(|block| block.n_clusters) as usize),
             tiles: Vec::with_capacity(blocks.total(|block| block.n_tiles) as usize),
@@ -124,7 +124,7 @@ pub(crate) fn block<'a>(
     index: usize,
     first_receiver: usize,
     first_light: usize,
-    shape: Shape,
+    shape: BlockShape,
 ) -> Result<Block<'a>, Violation> {
     let parts = check_block(blocks, index, shape)?;
     Ok(Block {
@@ -141,7 +141,12 @@ fn take<'a, T>(rest: &mut &'a [T], count: usize) -> &'a [T] {
     taken
 }
 
-fn clusters<'a>(parts: &BlockParts<'a>, first_receiver: usize, first_light: usize, shape: Shape) -> Vec<Cluster<'a>> {
+fn clusters<'a>(
+    parts: &BlockParts<'a>,
+    first_receiver: usize,
+    first_light: usize,
+    shape: BlockShape,
+) -> Vec<Cluster<'a>> {
     let BlockParts { mut cluster_probes, mut projection, mut reconstruction, .. } = *parts;
     let (mut receiver, mut light) = (first_receiver, first_light);
     let matrix = |rest: &mut &'a [f16], len: usize| &take(rest, len.next_multiple_of(2))[..len];

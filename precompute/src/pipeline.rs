@@ -3,6 +3,9 @@
 mod assemble;
 mod facts;
 mod failures;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
 mod keep_layout;
 mod kept_bake;
 mod lay_out;

@@ -106,12 +106,8 @@ impl BakePlan {
         let numbers = [plan.spread.gap, plan.near_least_gain.unwrap_or(1.0)];
         let fit = plan.fit.map_or([1.0; 2], |fit| [fit.spacing_m, fit.usual_scale]);
         let fit = [fit[0], fit[1], plan.volume_radius_m.unwrap_or(1.0)];
-        let fineness = plan.charts.as_ref().map_or([1.0; 3], |charts| {
-            let Fineness { finest, receivers, light_map } = charts.fineness;
-            [finest, receivers, light_map]
-        });
         let is_sound = plan.version == VERSION
-            && fineness.iter().all(|value| value.is_finite() && *value > 0.0)
+            && plan.charts.as_ref().is_none_or(ChartPlan::is_sound)
             && plan.leaves.is_sound()
             && numbers.iter().all(|value| value.is_finite() && *value >= 0.0)
             && fit.iter().all(|value| value.is_finite() && *value > 0.0);
@@ -126,6 +122,20 @@ impl BakePlan {
     /// Whether a bake by these options can keep to it.
     pub fn is_for(&self, settings: &BakeSettings) -> bool {
         self.options == options(settings)
+    }
+}
+
+impl ChartPlan {
+    /// Whether its numbers are those of a layout: nothing else can be written, and read again.
+    pub fn is_sound(&self) -> bool {
+        let Fineness { finest, receivers, light_map } = self.fineness;
+        let of_mesh = |mesh: &MeshPlan| {
+            mesh.first.is_finite()
+                && mesh.reach.is_finite()
+                && mesh.sums.as_flattened().iter().all(|sum| sum.is_finite())
+        };
+        [finest, receivers, light_map].iter().all(|value| value.is_finite() && *value > 0.0)
+            && self.meshes.iter().all(of_mesh)
     }
 }
 
@@ -401,6 +411,24 @@ mod tests {
         {
             assert!(text.contains(from), "{text}");
             assert_eq!(BakePlan::of_file(&text.replace(from, to)), None, "{to}");
+        }
+    }
+
+    /// What is infinite as f32 would be written as nothing, and not be read again.
+    #[test]
+    fn numbers_of_a_plan_that_are_none_are_refused() {
+        let scene = builtin::scene("plane").expect("a scene");
+        let charts = ChartPlan {
+            fineness: Fineness { finest: 0.5, receivers: 11.3, light_map: 9.0 },
+            meshes: vec![MeshPlan::of(&scene, &scene.meshes[0], vec![false])],
+        };
+        let text = BakePlan::new(&BakeSettings::default(), Some(charts), Spread { is_even: true, gap: 1.7 }).to_json();
+        assert!(BakePlan::of_file(&text).is_some());
+        for key in ["\"finest\":", "\"light_map\":", "\"gap\":", "\"first\":[", "\"sums\":[[", "\"reach\":"] {
+            let (before, rest) = text.split_once(key).expect("a plan has it");
+            let (_, behind) = rest.split_at(rest.find([',', ']', '}']).expect("more follows"));
+            let infinite = format!("{before}{key}1e39{behind}");
+            assert_eq!(BakePlan::of_file(&infinite), None, "{infinite}");
         }
     }
 }

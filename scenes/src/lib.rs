@@ -14,7 +14,9 @@ pub mod scene;
 
 pub use color::luminance;
 pub use gltf_export::{ExportError, export_glb};
-pub use gltf_import::{Limits, LoadError, LoadErrorKind, linked_files, load, load_bytes, load_within};
+pub use gltf_import::{
+    Limits, LoadError, LoadErrorKind, linked_files, load, load_bytes, load_bytes_within, load_within,
+};
 pub use light::{Incident, Light, LightKind};
 pub use lighting::{Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{

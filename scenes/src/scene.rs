@@ -78,6 +78,22 @@ impl Default for LightmapWish {
 }
 
 impl Mesh {
+    /// Whether its arrays agree, its vertices are there and its numbers are finite: of a mesh that was loaded they are.
+    pub fn is_sound(&self) -> bool {
+        let count = self.positions.len();
+        let has = |length: usize| length == 0 || length == count;
+        self.normals.len() == count
+            && has(self.tangents.len())
+            && has(self.colors.len())
+            && self.uv_sets.iter().all(|set| has(set.len()))
+            && self.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count)
+            && self.positions.iter().chain(&self.normals).all(|value| value.is_finite())
+            && self.tangents.iter().chain(&self.colors).all(|value| value.is_finite())
+            && self.uv_sets.iter().flatten().all(|value| value.is_finite())
+            && self.lightmap.texel_scale.is_finite()
+            && self.lightmap.texel_scale > 0.0
+    }
+
     /// Lightmap coordinates (TEXCOORD_1), if the mesh has them.
     pub fn lightmap_uv(&self) -> Option<&[Vec2]> {
         self.uv_set(1)

@@ -128,14 +128,7 @@ fn damaged_files_load_or_are_refused() {
         tried += 1;
         match result {
             Ok(scene) => {
-                let sound = |mesh: &localprt_scenes::Mesh| {
-                    let count = mesh.positions.len();
-                    mesh.normals.len() == count
-                        && mesh.positions.iter().chain(&mesh.normals).all(|value| value.is_finite())
-                        && mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count)
-                        && mesh.uv_sets.iter().all(|set| set.is_empty() || set.len() == count)
-                        && mesh.material < scene.materials.len()
-                };
+                let sound = |mesh: &localprt_scenes::Mesh| mesh.is_sound() && mesh.material < scene.materials.len();
                 assert!(scene.meshes.iter().all(sound), "{what}: a broken scene");
             }
             Err(error) => {

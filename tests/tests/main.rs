@@ -5,6 +5,7 @@ mod budget;
 mod determinism;
 mod file_to_pixels;
 mod furnace;
+mod fuzz;
 mod gpu;
 mod light_leak;
 mod sky;

@@ -35,6 +35,8 @@ use store::{Listed, Store};
 
 /// First bytes of a record; the last one is the version of this layout.
 const MAGIC: [u8; 8] = *b"lprtrec\x01";
+/// Bytes before the content of a record: those, and the checksum.
+pub(crate) const HEAD_BYTES: usize = MAGIC.len() + size_of::<Digest>();
 /// Marks the place as one that backups may leave out (bford.info/cachedir).
 const TAG: &str = "CACHEDIR.TAG";
 const TAG_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Results of precompute that it can make again.\n";
@@ -154,7 +156,7 @@ impl Cache {
         if !self.options.read_only {
             self.store.touch(&name);
         }
-        record.drain(..MAGIC.len() + size_of::<Digest>());
+        record.drain(..HEAD_BYTES);
         Some(record)
     }
 
@@ -173,7 +175,7 @@ impl Cache {
         if self.options.read_only {
             return;
         }
-        let record = [&MAGIC[..], &checksum(kind, digest, content), content].concat();
+        let record = sealed(kind, digest, content);
         match self.store.put(&name(kind, digest), &record, only_new) {
             Ok(()) => drop(self.written.fetch_add(record.len() as u64, Relaxed)),
             Err(cause) => self.note(&self.failed, cause),
@@ -301,8 +303,13 @@ fn kind_and_digest(found: &str) -> Option<(String, Digest)> {
     (name(kind, &digest) == found).then(|| (kind.to_owned(), digest))
 }
 
-/// A record of that kind and digest, with its checksum.
-fn is_whole(record: &[u8], kind: &str, digest: &Digest) -> bool {
+/// A record of that kind and digest: its content behind its checksum.
+pub(crate) fn sealed(kind: &str, digest: &Digest, content: &[u8]) -> Vec<u8> {
+    [&MAGIC[..], &checksum(kind, digest, content), content].concat()
+}
+
+/// Whether it is such a record.
+pub(crate) fn is_whole(record: &[u8], kind: &str, digest: &Digest) -> bool {
     let Some(rest) = record.strip_prefix(&MAGIC) else { return false };
     rest.split_first_chunk().is_some_and(|(stated, content)| checksum(kind, digest, content) == *stated)
 }

@@ -45,14 +45,10 @@ impl<'a> KeptBake<'a> {
 
     /// The report of the bake, if its files are there and as it wrote them.
     pub fn find(&self) -> Option<BakeReport> {
-        let record = self.cache.get(BAKE, &self.digest)?;
-        let mut record = Unpacker::new(&record);
-        let (files, report): (Vec<Digest>, Vec<u8>) = (record.take()?, record.take()?);
+        let (files, report) = unpack(&self.cache.get(BAKE, &self.digest)?)?;
         let found = [self.output, self.scene].into_iter().zip(&files);
         let is_there = found.into_iter().all(|(path, digest)| digest_of_file(path).as_ref() == Some(digest));
-        let report: BakeReport = serde_json::from_slice(&report).ok()?;
-        let of_cache = |leaves: CacheUse| CacheUse { reused: leaves.reused + leaves.baked, baked: 0 };
-        is_there.then(|| BakeReport { cache: report.cache.map(of_cache), ..report })
+        is_there.then_some(report)
     }
 
     /// Keeps what was written.
@@ -70,8 +66,38 @@ impl<'a> KeptBake<'a> {
     }
 }
 
+/// Digests of the files, and the report as it is of a bake that finds all leaves.
+pub(super) fn unpack(record: &[u8]) -> Option<(Vec<Digest>, BakeReport)> {
+    let mut record = Unpacker::new(record);
+    let (files, report): (Vec<Digest>, Vec<u8>) = (record.take()?, record.take()?);
+    let report: BakeReport = serde_json::from_slice(&report).ok()?;
+    let of_cache = |leaves: CacheUse| CacheUse { reused: leaves.reused.saturating_add(leaves.baked), baked: 0 };
+    // The baked file, and the scene if it was written.
+    let is_whole = record.is_done() && (1..=2).contains(&files.len());
+    is_whole.then(|| (files, BakeReport { cache: report.cache.map(of_cache), ..report }))
+}
+
 fn digest_of_file(path: &Path) -> Option<Digest> {
     let mut digest = blake3::Hasher::new();
     digest.update_reader(File::open(path).ok()?).ok()?;
     Some(*digest.finalize().as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_names_files_and_counts_what_fits() {
+        let report = |reused, baked| BakeReport { cache: Some(CacheUse { reused, baked }), ..BakeReport::default() };
+        let read = |n_files: usize, report: &BakeReport| {
+            let mut packer = Packer::default();
+            packer.put(&vec![[7; 32]; n_files]).put(report.to_json().as_bytes());
+            unpack(&packer.finish()).map(|(files, report)| (files.len(), report.cache.expect("is kept").reused))
+        };
+        assert_eq!((read(1, &report(3, 4)), read(2, &report(0, 9))), (Some((1, 7)), Some((2, 9))));
+        // Of no file, nothing would be asked; and no sum of counts is too large.
+        assert_eq!((read(0, &report(3, 4)), read(3, &report(3, 4))), (None, None));
+        assert_eq!(read(1, &report(u64::MAX, 4)), Some((1, u64::MAX)));
+    }
 }

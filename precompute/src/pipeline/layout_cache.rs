@@ -10,7 +10,10 @@ use crate::{
     scene_digests::digest_of_scene,
     settings::BakeSettings,
 };
+use glam::Vec2;
+use localprt_formats::check::MAX_MAP_SIZE;
 use localprt_scenes::{LightmapWish, Mesh, Scene};
+use localprt_surfaces::atlas::LIGHTMAP_SET;
 
 /// Records of layouts.
 const LAYOUT: &str = "layout";
@@ -65,7 +68,7 @@ fn of_layout(settings: &BakeSettings) -> BakeSettings {
     }
 }
 
-fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Vec<u8> {
+pub(super) fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Vec<u8> {
     let LayoutReport { kept: _, reason, back_faces, size, charts } = layout;
     let mut packer = Packer::default();
     packer
@@ -97,7 +100,7 @@ fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Vec<u8> {
     packer.finish()
 }
 
-fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport, ChartPlan)> {
+pub(super) fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport, ChartPlan)> {
     let mut record = Unpacker::new(record);
     let text = |record: &mut Unpacker<'_>| String::from_utf8(record.take()?).ok();
     let [back_faces, size, charts, set]: [u64; 4] = record.take()?.try_into().ok()?;
@@ -141,7 +144,18 @@ fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutReport, ChartPla
         return None;
     }
     let light_map_set = (set != u64::MAX).then_some(set as usize);
-    record.is_done().then_some((Scene { meshes, light_map_set, ..scene }, layout, plan))
+    let scene = Scene { meshes, light_map_set, ..scene };
+    (record.is_done() && is_sound(&scene, &layout, &plan)).then_some((scene, layout, plan))
+}
+
+/// Whether it is a layout that can be used: whoever can write into a cache can write other records than a bake does.
+fn is_sound(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> bool {
+    let sets = [LIGHTMAP_SET, scene.light_map_set.unwrap_or(LIGHTMAP_SET)];
+    let is_on_map = |uv: &Vec2| uv.min_element() >= 0.0 && uv.max_element() <= 1.0;
+    let is_laid_out = |mesh: &Mesh| {
+        mesh.is_sound() && sets.iter().all(|&set| mesh.uv_set(set).is_some_and(|uv| uv.iter().all(is_on_map)))
+    };
+    (1..=MAX_MAP_SIZE).contains(&layout.size) && plan.is_sound() && scene.meshes.iter().all(is_laid_out)
 }
 
 #[cfg(test)]

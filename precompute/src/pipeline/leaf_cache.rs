@@ -12,9 +12,9 @@ use crate::{
     clusters::RefineSettings,
     digest::{Digest, Digester},
     output::OutputError,
-    transport::{CellContents, RayCounts, TransportScene},
+    transport::{CellContents, NearField, RayCounts, TransportScene},
 };
-use localprt_formats::{NearArrays, TransportBlock};
+use localprt_formats::{BlockShape, NearArrays, TransportBlock};
 
 /// Records: cells of a key, and leaves.
 const CELLS: &str = "cells";
@@ -30,6 +30,8 @@ pub(super) struct LeafCache<'a> {
     shared: Digest,
     /// `[n_probes]`.
     probes: Vec<Digest>,
+    /// What blocks have to fit.
+    shape: BlockShape,
 }
 
 /// Where a leaf is kept.
@@ -70,7 +72,17 @@ impl<'a> LeafCache<'a> {
         let mut digester = Digester::new("leaves");
         code(&mut digester);
         digester.one(transport.digest()).one(threshold).one([max_coefficients as u64, n_sh as u64, n_sky as u64]);
-        Ok(Some(Self { cache, contents, shared: digester.finish(), probes: transport.digests_of_probes()? }))
+        let shape = BlockShape {
+            n_probes: transport.probes.positions.len(),
+            n_sh,
+            n_sky,
+            n_k: transport.gather.n_outputs(),
+            // Without near light there is no map that it could be read from.
+            direct_size: transport.near.map_or(0, NearField::size),
+            of: "",
+        };
+        let probes = transport.digests_of_probes()?;
+        Ok(Some(Self { cache, contents, shared: digester.finish(), probes, shape }))
     }
 
     /// The key of a leaf.
@@ -88,7 +100,7 @@ impl<'a> LeafCache<'a> {
             return Err(Why::Key);
         }
         let record = sets.iter().find_map(|set| self.cache.get(LEAF, &self.of_leaf(key, set)));
-        record.and_then(|record| unpack(&record, members, &key.probes)).ok_or(Why::Surroundings)
+        record.and_then(|record| unpack(&record, members, &key.probes, self.shape)).ok_or(Why::Surroundings)
     }
 
     /// Keeps a leaf and the cells that its rays crossed.
@@ -128,7 +140,7 @@ pub(super) fn code(digester: &mut Digester) {
 }
 
 /// Words of each set without the zeros: how many follow, and then those that are not.
-fn pack_sets(sets: &[CellSet]) -> Vec<u8> {
+pub(super) fn pack_sets(sets: &[CellSet]) -> Vec<u8> {
     let mut packer = Packer::default();
     for set in sets {
         let (mut runs, mut words): (Vec<[u32; 2]>, Vec<u64>) = Default::default();
@@ -149,10 +161,14 @@ fn pack_sets(sets: &[CellSet]) -> Vec<u8> {
     packer.finish()
 }
 
-fn unpack_sets(record: &[u8], grid: CellGrid) -> Option<Vec<CellSet>> {
+pub(super) fn unpack_sets(record: &[u8], grid: CellGrid) -> Option<Vec<CellSet>> {
     let mut unpacker = Unpacker::new(record);
     let mut sets = Vec::new();
     while !unpacker.is_done() {
+        // No more are kept, and sets may be much larger than their records.
+        if sets.len() == MOST_SETS {
+            return None;
+        }
         let (runs, words): (Vec<[u32; 2]>, Vec<u64>) = (unpacker.take()?, unpacker.take()?);
         let mut words = words.into_iter();
         let mut all = Vec::new();
@@ -169,7 +185,7 @@ fn unpack_sets(record: &[u8], grid: CellGrid) -> Option<Vec<CellSet>> {
 }
 
 /// Receivers and probes by their places among those of the leaf: their numbers may be others in the next bake.
-fn pack(leaf: &LeafTransport, members: &[u32], probes: &[u32]) -> Vec<u8> {
+pub(super) fn pack(leaf: &LeafTransport, members: &[u32], probes: &[u32]) -> Vec<u8> {
     let LeafTransport { block, members: stored, unseen, row_error_squared, rays } = leaf;
     let TransportBlock { clusters, cluster_probes, projection, reconstruction, near } = block;
     let NearArrays { tiles, nodes, counts, links, weights } = near;
@@ -195,7 +211,8 @@ fn pack(leaf: &LeafTransport, members: &[u32], probes: &[u32]) -> Vec<u8> {
     packer.finish()
 }
 
-fn unpack(record: &[u8], members: &[u32], probes: &[u32]) -> Option<LeafTransport> {
+/// A leaf that can be stored; whoever can write into a cache can write other records than a bake does.
+pub(super) fn unpack(record: &[u8], members: &[u32], probes: &[u32], shape: BlockShape) -> Option<LeafTransport> {
     let mut record = Unpacker::new(record);
     let numbers = |places: Vec<u32>, of: &[u32]| -> Option<Vec<u32>> {
         places.into_iter().map(|place| of.get(place as usize).copied()).collect()
@@ -219,7 +236,21 @@ fn unpack(record: &[u8], members: &[u32], probes: &[u32]) -> Option<LeafTranspor
         row_error_squared: record.take()?,
         rays: record.one::<[u64; 2]>().map(|[gather, visibility]| RayCounts { gather, visibility })?,
     };
-    (record.is_done() && leaf.members.len() == members.len() && leaf.unseen.len() == members.len()).then_some(leaf)
+    (record.is_done() && is_sound(&leaf, members, shape)).then_some(leaf)
+}
+
+fn is_sound(leaf: &LeafTransport, members: &[u32], shape: BlockShape) -> bool {
+    let LeafTransport { block, members: stored, unseen, row_error_squared, rays: _ } = leaf;
+    let [mut stored, mut expected] = [stored.to_vec(), members.to_vec()];
+    stored.sort_unstable();
+    expected.sort_unstable();
+    stored == expected
+        && unseen.len() == members.len()
+        && unseen.iter().all(|share| (0.0..=1.0).contains(share))
+        && row_error_squared.len() == members.len() * shape.n_k
+        && row_error_squared.iter().all(|error| error.is_finite())
+        && (shape.direct_size > 0 || block.near.tiles.is_empty())
+        && block.check(members.len(), shape).is_ok()
 }
 
 #[cfg(test)]
@@ -234,7 +265,8 @@ mod tests {
         settings::{BakeSettings, Density, Transport},
     };
     use glam::{Vec3, Vec4};
-    use localprt_formats::{BakedArrays, directions::counter_hash};
+    use half::f16;
+    use localprt_formats::{BakedArrays, ClusterRecord, NearTile, directions::counter_hash};
     use localprt_scenes::{AlphaMode, Scene, builtin};
 
     fn small() -> BakeSettings {
@@ -288,6 +320,61 @@ mod tests {
             assert!(of_first.reused == 0 && of_first.baked > 20, "{of_first:?}");
             assert_eq!(of_second, CacheUse { reused: of_first.baked, baked: 0 });
         }
+    }
+
+    /// Two receivers in two clusters, one of them with a link.
+    fn leaf() -> LeafTransport {
+        let mut block = TransportBlock::default();
+        for probes in [&[4][..], &[4, 9]] {
+            let n_probes = probes.len() as u32;
+            let record = ClusterRecord { n_receivers: 1, n_probes, n_sky: 0, n_coefficients: 1 };
+            block.push(record, probes, &vec![f16::ONE; probes.len()], &[f16::ONE]);
+        }
+        block.near = NearArrays {
+            tiles: vec![NearTile { n_receivers: 2, n_nodes: 1, n_links: 1, scale: 0.5 }],
+            nodes: vec![3],
+            counts: vec![0, 1],
+            links: vec![0],
+            weights: vec![7],
+        };
+        let rays = RayCounts { gather: 3, visibility: 4 };
+        LeafTransport { block, members: vec![11, 5], unseen: vec![0.0, 1.0], row_error_squared: vec![0.0, 1e-6], rays }
+    }
+
+    #[test]
+    fn records_that_no_bake_would_write_are_no_leaves() {
+        let (members, probes) = ([5, 11], [4, 9]);
+        let shape = BlockShape { n_probes: 10, n_sh: 1, n_sky: 0, n_k: 1, direct_size: 2, of: "" };
+        let read = |leaf: &LeafTransport| unpack(&pack(leaf, &members, &probes), &members, &probes, shape);
+        let found = read(&leaf()).expect("a leaf");
+        assert_eq!((found.block, found.members), (leaf().block, leaf().members));
+        let changes: [fn(&mut LeafTransport); 10] = [
+            |leaf| leaf.members[0] = 5,
+            |leaf| leaf.unseen[1] = f32::NAN,
+            |leaf| leaf.unseen.truncate(1),
+            |leaf| leaf.row_error_squared.push(0.0),
+            |leaf| leaf.block.clusters.truncate(1),
+            |leaf| leaf.block.cluster_probes.swap(1, 2),
+            |leaf| leaf.block.projection.truncate(1),
+            |leaf| leaf.block.near.counts.clear(),
+            |leaf| leaf.block.near.weights.clear(),
+            |leaf| leaf.block.near.nodes[0] = 4,
+        ];
+        for (number, change) in changes.into_iter().enumerate() {
+            let mut broken = leaf();
+            change(&mut broken);
+            assert!(read(&broken).is_none(), "change {number}");
+        }
+        let of_volume = BlockShape { direct_size: 0, ..shape };
+        assert!(unpack(&pack(&leaf(), &members, &probes), &members, &probes, of_volume).is_none());
+    }
+
+    #[test]
+    fn more_sets_of_cells_than_are_kept_are_none() {
+        let grid = CellGrid::of((Vec3::ZERO, Vec3::ONE));
+        let sets =
+            |count: usize| unpack_sets(&pack_sets(&vec![CellSet::new(grid); count]), grid).map(|sets| sets.len());
+        assert_eq!((sets(MOST_SETS), sets(MOST_SETS + 1)), (Some(MOST_SETS), None));
     }
 
     #[test]

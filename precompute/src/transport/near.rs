@@ -144,6 +144,11 @@ impl NearField {
         Self { least, ..self }
     }
 
+    /// Texels per side of the light map.
+    pub fn size(&self) -> u32 {
+        self.charts.size()
+    }
+
     /// Nodes of less gain than this are left to the probes.
     pub fn least_gain(&self) -> f32 {
         self.least

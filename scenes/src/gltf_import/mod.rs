@@ -52,7 +52,15 @@ pub fn load_within(path: impl AsRef<Path>, limits: &Limits) -> Result<Scene, Loa
 /// # Errors
 /// As [`load`]; a buffer or image in a file of its own is refused.
 pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Scene, LoadError> {
-    let (source, limits) = (&Source::new(name.as_ref()), &Limits::default());
+    load_bytes_within(name, bytes, &Limits::default())
+}
+
+/// As [`load_bytes`], within given limits.
+///
+/// # Errors
+/// As there.
+pub fn load_bytes_within(name: &str, bytes: &[u8], limits: &Limits) -> Result<Scene, LoadError> {
+    let source = &Source::new(name.as_ref());
     resources::check_scene_length(source, limits, bytes.len() as u64)?;
     import(source, limits, bytes, Neighbors::None)
 }
