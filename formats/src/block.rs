@@ -3,8 +3,6 @@
 //! A block is the unit in which transport is made, stored, read and checked. The lightmap's transport is a list of blocks and so is
 //! that of a volume: a table of [`BlockRecord`]s, and the bytes of all blocks. `SPEC.md`, 3.1.
 
-use crate::check_blocks::check_parts;
-use crate::error::{Violation, fail};
 use crate::header::ALIGNMENT;
 use bytemuck::{Pod, Zeroable};
 use half::f16;
@@ -162,24 +160,8 @@ impl TransportBlock {
         self.clusters.iter().map(|cluster| cluster.n_receivers as usize).sum()
     }
 
-    /// Checks all that can be told of a block of so many receivers before it is stored: that its arrays fit each other, and rules 55
-    /// to 59 and 81 to 86 of `SPEC.md`.
-    ///
-    /// # Errors
-    /// The first broken rule.
-    pub fn check(&self, n_receivers: usize, shape: BlockShape) -> Result<(), Violation> {
-        if !self.fits(n_receivers, shape.n_k) {
-            return fail(51, format!("{}block: its arrays do not fit each other", shape.of));
-        }
-        let record = self.record(n_receivers);
-        if record.n_clusters > record.n_receivers || record.n_tiles > record.n_receivers {
-            return fail(55, format!("{}block: more clusters or tiles than its {n_receivers} receivers", shape.of));
-        }
-        check_parts(&record, &self.parts(), shape)
-    }
-
     /// Whether arrays have the same length that are to, or one that follows from another's, and all can be counted.
-    fn fits(&self, n_receivers: usize, n_k: usize) -> bool {
+    pub(crate) fn fits(&self, n_receivers: usize, n_k: usize) -> bool {
         let NearArrays { tiles, nodes, counts, links, weights } = &self.near;
         let n_counts = if tiles.is_empty() { 0 } else { n_receivers };
         let longest = [n_receivers, self.cluster_probes.len(), self.projection.len(), self.reconstruction.len()];
@@ -191,7 +173,7 @@ impl TransportBlock {
     }
 
     /// Its counts, which fit.
-    fn record(&self, n_receivers: usize) -> BlockRecord {
+    pub(crate) fn record(&self, n_receivers: usize) -> BlockRecord {
         BlockRecord {
             n_receivers: n_receivers as u32,
             n_clusters: self.clusters.len() as u32,
@@ -206,7 +188,7 @@ impl TransportBlock {
         }
     }
 
-    fn parts(&self) -> BlockParts<'_> {
+    pub(crate) fn parts(&self) -> BlockParts<'_> {
         BlockParts {
             clusters: &self.clusters,
             cluster_probes: &self.cluster_probes,
@@ -437,7 +419,7 @@ mod tests {
     /// Padding would hide what is missing.
     #[test]
     fn arrays_that_do_not_fit_each_other_cannot_be_stored() {
-        let changes: [fn(&mut TransportBlock); 4] = [
+        let changes: [Change; 4] = [
             |block| block.near.weights.clear(),
             |block| block.near.counts.push(0),
             |block| block.projection.truncate(1),
@@ -454,10 +436,13 @@ mod tests {
 
     const SHAPE: BlockShape = BlockShape { n_probes: 1, n_sh: 4, n_sky: 1, n_k: 1, direct_size: 4, of: "" };
 
+    /// What breaks a rule.
+    type Change = fn(&mut TransportBlock);
+
     #[test]
     fn a_block_is_checked_before_it_is_stored() {
         assert_eq!(block().check(1, SHAPE), Ok(()));
-        let changes: [(u16, fn(&mut TransportBlock)); 6] = [
+        let changes: [(u16, Change); 6] = [
             (55, |block| block.clusters.push(ClusterRecord::default())),
             (56, |block| block.cluster_probes.push(0)),
             (57, |block| block.clusters[0].n_sky = 2),

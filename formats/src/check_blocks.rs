@@ -3,8 +3,8 @@
 
 use crate::baked::MAX_LEVEL;
 use crate::block::{
-    BlockParts, BlockRecord, BlockShape, Blocks, ClusterRecord, MAX_COEFFICIENTS, NEAR_NODES, NEAR_TILE, bounds_of,
-    node_level_and_texel,
+    BlockParts, BlockRecord, BlockShape, Blocks, ClusterRecord, MAX_COEFFICIENTS, NEAR_NODES, NEAR_TILE,
+    TransportBlock, bounds_of, node_level_and_texel,
 };
 use crate::error::{Violation, fail};
 use half::f16;
@@ -79,8 +79,26 @@ pub(crate) fn check_block<'a>(
     Ok(parts)
 }
 
+impl TransportBlock {
+    /// Checks all that can be told of a block of so many receivers before it is stored: that its arrays fit each other, and rules 55
+    /// to 59 and 81 to 86 of `SPEC.md`.
+    ///
+    /// # Errors
+    /// The first broken rule.
+    pub fn check(&self, n_receivers: usize, shape: BlockShape) -> Result<(), Violation> {
+        if !self.fits(n_receivers, shape.n_k) {
+            return fail(51, format!("{}block: its arrays do not fit each other", shape.of));
+        }
+        let record = self.record(n_receivers);
+        if record.n_clusters > record.n_receivers || record.n_tiles > record.n_receivers {
+            return fail(55, format!("{}block: more clusters or tiles than its {n_receivers} receivers", shape.of));
+        }
+        check_parts(&record, &self.parts(), shape)
+    }
+}
+
 /// Rules 55 to 59 and 81 to 86: what is in the arrays of a block.
-pub(crate) fn check_parts(record: &BlockRecord, parts: &BlockParts<'_>, shape: BlockShape) -> Result<(), Violation> {
+fn check_parts(record: &BlockRecord, parts: &BlockParts<'_>, shape: BlockShape) -> Result<(), Violation> {
     check_clusters(record, parts, shape)?;
     check_near(record, parts, shape)
 }

@@ -271,9 +271,9 @@ fn laid_out(mut head: Vec<u8>, sections: Vec<Section>) -> Vec<u8> {
         let half = |at: usize| usize::from(u16::from_le_bytes([entry[at], entry[at + 1]]));
         // Bytes of an element by the codes of scalars: u8, u16, u32, f16, f32.
         let element = [0, 1, 2, 4, 2, 4].get(half(8)).copied().unwrap_or(0) * half(10);
-        if element > 0 {
-            payload.truncate(payload.len() / element * element);
-            entry[16..24].copy_from_slice(&((payload.len() / element) as u64).to_le_bytes());
+        if let Some(count) = payload.len().checked_div(element) {
+            payload.truncate(count * element);
+            entry[16..24].copy_from_slice(&(count as u64).to_le_bytes());
         }
         let offset = end.next_multiple_of(256);
         end = offset + payload.len();
