@@ -24,15 +24,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     bakes.sort_by(|a, b| a.receivers.total_cmp(&b.receivers));
 
     println!(
-        "| receivers | probes | triangles | file, MB | peak before leaves, MB | peak, MB | leaves, s | ms a receiver |"
+        "| receivers | probes | triangles | file, MB | peak before leaves, MB | peak, MB | rays a receiver | leaves, s | µs a ray |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for bake in &bakes {
-        let Bake { receivers, probes, triangles, file, before, peak, seconds } = bake;
-        let ms = 1e3 * seconds / receivers;
-        println!(
-            "| {receivers} | {probes} | {triangles} | {file:.1} | {before:.0} | {peak:.0} | {seconds:.1} | {ms:.2} |"
-        );
+        let Bake { receivers, probes, triangles, file, before, peak, rays, seconds } = bake;
+        let (of_receiver, us) = (rays / receivers, 1e6 * seconds / rays);
+        print!("| {receivers} | {probes} | {triangles} | {file:.1} | {before:.0} | {peak:.0} | {of_receiver:.0} |");
+        println!(" {seconds:.1} | {us:.2} |");
     }
     let series = |name: &str, value: &dyn Fn(&Bake) -> f64| Series {
         name: name.into(),
@@ -67,6 +66,8 @@ struct Bake {
     file: f64,
     before: f64,
     peak: f64,
+    /// Gather and visibility rays.
+    rays: f64,
     seconds: f64,
 }
 
@@ -81,6 +82,7 @@ impl Bake {
             file: megabytes(report.bytes.file),
             before: megabytes(report.stages[..place].last()?.peak_rss_bytes),
             peak: megabytes(report.peak_rss_bytes),
+            rays: (report.gather_rays + report.visibility_rays) as f64,
             seconds: report.stages[place].seconds,
         })
     }
