@@ -44,7 +44,7 @@ pub struct TruthLeg {
 /// Walks from the truth to the transport row at some receivers, given in file order, with their path traced first bounce.
 ///
 /// # Errors
-/// Those of [`Subject::each`].
+/// Those of [`Subject::each`](super::subject::Subject::each).
 pub fn truth_leg(
     lit: &Lit<'_>,
     receivers: &[u32],

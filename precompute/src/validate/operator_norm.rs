@@ -59,7 +59,7 @@ struct SeenPoint {
 /// Both at some receivers, given in file order.
 ///
 /// # Errors
-/// Those of [`Subject::each`].
+/// Those of [`Subject::each`](super::subject::Subject::each).
 pub fn operator_norm(subject: &Subject<'_>, receivers: &[u32], progress: &Progress) -> Result<Vec<Unlit>, BakeError> {
     let probe_basis = Basis::new(subject.view.metadata.probe_degree);
     let field_basis = Basis::new(FIELD_DEGREE);
