@@ -73,10 +73,12 @@ pub fn records(bake: &Bake) -> Vec<Vec<u8>> {
                 LEAF => seed[1] = (arrays[9].1.len() / 4) as u8,
                 // All cells of a room are crossed; a set of few is smaller.
                 CELLS => {
-                    let words =
+                    let counts =
                         arrays[0].1.chunks_exact(4).map(|run| u32::from_le_bytes(run.try_into().expect("four bytes")));
-                    let runs = [words.sum::<u32>() - 2, 2].map(u32::to_le_bytes).concat();
-                    seed = [&[CELLS, 0, 0], &1u64.to_le_bytes()[..], &runs, &2u64.to_le_bytes(), &[1; 16]].concat();
+                    let runs = [counts.sum::<u32>() - 2, 2].map(u32::to_le_bytes).concat();
+                    // The last word has few cells: its first is one of them.
+                    let words = [1u64; 2].map(u64::to_le_bytes).concat();
+                    seed = [&[CELLS, 0, 0], &1u64.to_le_bytes()[..], &runs, &2u64.to_le_bytes(), &words].concat();
                 }
                 _ => {}
             }

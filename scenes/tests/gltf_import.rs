@@ -215,6 +215,23 @@ fn counts_offsets_and_strides_are_checked() {
     }
 }
 
+/// The typed model reads an array as the fields of an object, in their order: indices among them would be out of sight.
+#[test]
+fn an_array_in_the_place_of_an_object_is_refused() {
+    let (root, bin) = square();
+    for (place, array) in [("/bufferViews/0", json!([7, 48])), ("/nodes/0/extensions/KHR_lights_punctual", json!([7]))]
+    {
+        let mut damaged = root.clone();
+        damaged["nodes"][0]["extensions"]["KHR_lights_punctual"] = json!({});
+        *damaged.pointer_mut(place).expect("a place of the file") = array;
+        assert_invalid(load_glb(&damaged, &bin), place);
+    }
+    let mut damaged = root.clone();
+    let indices = json!({"bufferView": 1, "componentType": 5123});
+    damaged["accessors"][0]["sparse"] = json!({"count": 1, "indices": indices, "values": [5125]});
+    assert_invalid(load_glb(&damaged, &bin), "/accessors/0/sparse/values");
+}
+
 #[test]
 fn positions_stored_nowhere_or_only_with_draco_are_refused() {
     let (mut root, bin) = square();

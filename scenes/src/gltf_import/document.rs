@@ -199,7 +199,7 @@ pub(super) fn remedy_for(extension: &str) -> &'static str {
 fn check_indices(source: &Source, root: &Value) -> Result<(), LoadError> {
     for (pattern, target) in INDICES {
         let count = root.pointer(&format!("/{target}")).and_then(Value::as_array).map_or(0, Vec::len);
-        each(root, pattern, &mut |value, place| match value.as_u64() {
+        each(source, root, pattern, &mut |value, place| match value.as_u64() {
             Some(index) if index < count as u64 => Ok(()),
             Some(index) => {
                 let found = format!("index {index} into {target}, which has {count} entries");
@@ -213,7 +213,7 @@ fn check_indices(source: &Source, root: &Value) -> Result<(), LoadError> {
 
 fn check_enumerations(source: &Source, root: &Value) -> Result<(), LoadError> {
     for (pattern, allowed) in ENUMERATIONS {
-        each(root, pattern, &mut |value, place| match value.as_u64() {
+        each(source, root, pattern, &mut |value, place| match value.as_u64() {
             Some(value) if allowed.contains(&value) => Ok(()),
             _ => Err(source.invalid(place, format!("{}, must be one of {allowed:?}", brief(value)), REPAIR)),
         })?;
@@ -221,13 +221,16 @@ fn check_enumerations(source: &Source, root: &Value) -> Result<(), LoadError> {
     Ok(())
 }
 
-/// Calls `visit` with every value that a pattern such as `nodes/*/children/*` reaches, and its JSON pointer.
+/// Calls `visit` with every value that a pattern such as `nodes/*/children/*` reaches, and its JSON pointer. Refuses arrays on the
+/// way where objects are to be: the typed conversion takes their values for the fields.
 fn each<'a>(
+    source: &Source,
     root: &'a Value,
     pattern: &str,
     visit: &mut dyn FnMut(&'a Value, &str) -> Result<(), LoadError>,
 ) -> Result<(), LoadError> {
     fn walk<'a>(
+        source: &Source,
         value: &'a Value,
         rest: &[&str],
         place: &mut String,
@@ -241,24 +244,25 @@ fn each<'a>(
             Value::Array(entries) if step == "*" => {
                 for (index, entry) in entries.iter().enumerate() {
                     let _ = write!(place, "/{index}");
-                    walk(entry, rest, place, visit)?;
+                    walk(source, entry, rest, place, visit)?;
                     place.truncate(length);
                 }
             }
             Value::Object(entries) => {
                 for (key, entry) in entries.iter().filter(|(key, _)| step == "*" || *key == step) {
                     let _ = write!(place, "/{}", key.replace('~', "~0").replace('/', "~1"));
-                    walk(entry, rest, place, visit)?;
+                    walk(source, entry, rest, place, visit)?;
                     place.truncate(length);
                 }
             }
-            // Values of the wrong type are reported by the typed conversion.
+            Value::Array(_) => return Err(source.invalid(&*place, "an array, must be an object", REPAIR)),
+            // Values of other wrong types are reported by the typed conversion.
             _ => {}
         }
         Ok(())
     }
     let steps: Vec<&str> = pattern.split('/').collect();
-    walk(root, &steps, &mut String::new(), visit)
+    walk(source, root, &steps, &mut String::new(), visit)
 }
 
 /// The array at a JSON pointer, empty if absent.
