@@ -92,7 +92,7 @@ mod tests {
         let report = |reused, baked| BakeReport { cache: Some(CacheUse { reused, baked }), ..BakeReport::default() };
         let read = |n_files: usize, report: &BakeReport| {
             let mut packer = Packer::default();
-            packer.put(&vec![[7; 32]; n_files]).put(report.to_json().as_bytes());
+            packer.put(&vec![[7u8; 32]; n_files]).put(report.to_json().as_bytes());
             unpack(&packer.finish()).map(|(files, report)| (files.len(), report.cache.expect("is kept").reused))
         };
         assert_eq!((read(1, &report(3, 4)), read(2, &report(0, 9))), (Some((1, 7)), Some((2, 9))));
