@@ -11,6 +11,7 @@ pub mod gltf_import;
 pub mod light;
 pub mod lighting;
 pub mod scene;
+mod unit;
 
 pub use color::luminance;
 pub use gltf_export::{ExportError, export_glb};

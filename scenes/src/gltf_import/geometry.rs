@@ -3,9 +3,9 @@
 use super::accessors::Accessor;
 use super::document::{Document, remedy_for};
 use super::error::{LoadError, Source};
-use super::nodes::unit_or_keep;
 use super::resources::Limits;
 use crate::scene::Mesh;
+use crate::unit::unit_or_keep;
 use glam::{DMat3, DMat4, Vec2, Vec3, Vec4};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};

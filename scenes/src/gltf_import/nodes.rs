@@ -5,6 +5,7 @@ use super::error::{LoadError, Source};
 use super::resources::Limits;
 use crate::light::{Light, LightKind};
 use crate::scene::{Camera, LightmapWish};
+use crate::unit::unit_or_keep;
 use glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;
@@ -176,17 +177,6 @@ pub(super) fn cameras(source: &Source, document: &Document, placed: &[Placed]) -
 pub(super) fn name_of(names: [&Option<String>; 2], kind: &str, number: usize) -> String {
     let given = names.into_iter().flatten().find(|name| !name.is_empty());
     given.cloned().unwrap_or_else(|| format!("{kind}_{number}"))
-}
-
-/// A vector scaled to unit length. One that is a unit vector already, but for the rounding of its f32 components, keeps
-/// its bits, so that reading what was written changes nothing.
-pub(super) fn unit_or_keep(vector: DVec3) -> Vec3 {
-    // Rounding each component by at most 2^-24 of itself changes the squared length by at most 2^-23 (and a bit).
-    let rounded = vector.as_vec3();
-    if (rounded.as_dvec3().length_squared() - 1.0).abs() <= 2f64.powi(-22) {
-        return rounded;
-    }
-    vector.normalize_or_zero().as_vec3()
 }
 
 /// The parent of every node, once it is sure that the hierarchy is a forest.

@@ -4,7 +4,8 @@ use super::place::Place;
 use super::{Lighting, LightingError, MaterialOverride, Sky, equirect};
 use crate::light::{Light, LightKind};
 use crate::scene::Scene;
-use glam::Vec3;
+use crate::unit::unit_or_keep;
+use glam::{DVec3, Vec3};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -141,11 +142,10 @@ fn parse_light(place: &Place) -> Result<Light, LightingError> {
     let direction = match object.get("direction") {
         Some(place) => {
             let direction = place.vector()?.as_dvec3();
-            let length = direction.length();
-            if length == 0.0 {
+            if direction == DVec3::ZERO {
                 return Err(place.out_of_range("a vector other than zero"));
             }
-            (direction / length).as_vec3()
+            unit_or_keep(direction)
         }
         None => Vec3::NEG_Z,
     };

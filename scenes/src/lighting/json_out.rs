@@ -99,6 +99,16 @@ mod tests {
         for dir in [Vec3::X, Vec3::Y, Vec3::NEG_Y] {
             assert_eq!(again.sky.radiance(dir), first.sky.radiance(dir));
         }
+        // Directions that are units already, but for rounding, are not turned.
+        for (x, y) in [(1.0f32, 1.0), (0.3, 2.0), (-7.0, 0.1), (1e-3, 3.0)] {
+            let text = format!(r#"{{"lights":[{{"type":"directional","direction":[{x},{y},0.075]}}]}}"#);
+            let first = read(&text).lights[0].direction;
+            let mut turned = read(&text);
+            for _ in 0..3 {
+                turned = read(&turned.to_json().to_string());
+                assert_eq!(turned.lights[0].direction, first);
+            }
+        }
         // Nothing at all is nothing at all, and not the scene's own lights.
         assert_eq!(Lighting::default().to_json().to_string(), r#"{"lights":[]}"#);
     }
