@@ -9,11 +9,18 @@ const REACH: i64 = 2;
 const NEAR: i64 = 3;
 const NO_CHART: u32 = u32::MAX;
 
-/// `(texel, receiver)` for texels within two of a chart's texels, and for covered texels without a receiver: the nearest
-/// receiver of the same chart, the lowest of several; exact within three texels, to about a texel beyond. Charts without
-/// any receiver get nothing.
-pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32]) -> Vec<(u32, u32)> {
-    let grid = Grid { size: i64::from(map.size) };
+/// Texels to fill, by rising texel.
+pub(super) struct Filled {
+    /// `(texel, receiver)` for texels within two of a chart's texels, and for covered texels without a receiver: the nearest
+    /// receiver of the same chart, the lowest of several; exact within three texels, to about a texel beyond.
+    pub gutters: Vec<(u32, u32)>,
+    /// `(texel, chart)` of the same texels of charts without any receiver.
+    pub lone: Vec<(u32, u32)>,
+}
+
+/// What to fill, and from where.
+pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32]) -> Filled {
+    let grid = Grid::of(map.size);
     let mut chart_at = vec![NO_CHART; receiver_at.len()];
     for texel in &map.texels {
         chart_at[texel.index as usize] = texel.chart;
@@ -24,7 +31,8 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
         has_receiver[chart as usize] = true;
     }
     // Texels to fill, with their chart, in texel order.
-    let open: Vec<(u32, u32)> = (0..receiver_at.len() as u32)
+    type Open = Vec<(u32, u32)>;
+    let (open, lone): (Open, Open) = (0..receiver_at.len() as u32)
         .into_par_iter()
         .filter(|&texel| receiver_at[texel as usize] == NO_RECEIVER)
         .filter_map(|texel| {
@@ -35,9 +43,9 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
                 let around = grid.around(texel, REACH).filter(|&(other, _)| chart_at[other as usize] != NO_CHART);
                 chart_at[around.min_by_key(|&(other, distance)| (distance, chart_at[other as usize]))?.0 as usize]
             };
-            has_receiver[chart as usize].then_some((texel, chart))
+            Some((texel, chart))
         })
-        .collect();
+        .partition(|&(_, chart)| has_receiver[chart as usize]);
     let mut source: Vec<u32> = open
         .par_iter()
         .map(|&(texel, chart)| {
@@ -50,7 +58,7 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
         })
         .collect();
     spread(&grid, &open, &mut source, receivers);
-    open.iter().zip(source).map(|(&(texel, _), receiver)| (texel, receiver)).collect()
+    Filled { gutters: open.iter().zip(source).map(|(&(texel, _), receiver)| (texel, receiver)).collect(), lone }
 }
 
 /// Fills the rest from neighbors of the same chart, ring by ring, and what no neighbor reaches from all receivers.
@@ -96,11 +104,16 @@ fn held(receiver_at: &[u32], texel: u32) -> Option<u32> {
     Some(receiver_at[texel as usize]).filter(|&receiver| receiver != NO_RECEIVER)
 }
 
-struct Grid {
+/// Texels of a square map.
+pub(super) struct Grid {
     size: i64,
 }
 
 impl Grid {
+    pub(super) fn of(size: u32) -> Self {
+        Self { size: i64::from(size) }
+    }
+
     /// `(texel, squared distance)` of the other texels at most `reach` rows and columns away.
     fn around(&self, texel: u32, reach: i64) -> impl Iterator<Item = (u32, i64)> {
         let (size, x, y) = (self.size, i64::from(texel) % self.size, i64::from(texel) / self.size);
@@ -112,7 +125,8 @@ impl Grid {
             .map(move |(dx, dy)| (((y + dy) * size + x + dx) as u32, dx * dx + dy * dy))
     }
 
-    fn distance(&self, a: u32, b: u32) -> i64 {
+    /// Squared distance of two texels.
+    pub(super) fn distance(&self, a: u32, b: u32) -> i64 {
         let (a, b) = (i64::from(a), i64::from(b));
         let (dx, dy) = (a % self.size - b % self.size, a / self.size - b / self.size);
         dx * dx + dy * dy

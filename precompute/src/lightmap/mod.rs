@@ -8,6 +8,7 @@ mod chart_pyramid;
 pub mod cut;
 mod gutters;
 pub mod hidden;
+mod lent;
 pub mod receivers;
 mod seams;
 pub mod sides;
@@ -54,8 +55,8 @@ pub struct ReceiverSet {
     /// Points moved out of the way of near geometry.
     pub pushed: usize,
     /// `(texel, receiver)`: texels without a receiver that bilinear taps of their chart touch (at least two texels
-    /// around every chart), and invalid texels, with the nearest receiver of the same chart; just beyond a seam of a smooth
-    /// surface, with the receiver on its other side. By rising texel.
+    /// around every chart), and invalid texels, with the nearest receiver of the same chart, or of another where theirs has none;
+    /// just beyond a seam of a smooth surface, with the receiver on its other side. By rising texel.
     pub gutters: Vec<(u32, u32)>,
     /// Receiver pairs on the two sides of a chart seam at the same place; smaller index first, sorted, unique.
     pub seams: Vec<(u32, u32)>,

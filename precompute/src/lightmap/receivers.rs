@@ -4,7 +4,14 @@
 //! near geometry, where the sample is inside of something; else the texel is invalid. What it gets is a mean over points of the texel
 //! that stand in the open with it, its sites.
 
-use super::{Atlas, Progress, ReceiverSet, Texel, TexelMap, gutters, samples::SampledMap, seams::Seams, texels};
+use super::{
+    Atlas, Progress, ReceiverSet, Texel, TexelMap,
+    gutters::{self, Filled},
+    lent,
+    samples::SampledMap,
+    seams::Seams,
+    texels,
+};
 use crate::rays::{RayCaster, frame};
 use glam::{DVec2, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, fibonacci_square};
@@ -73,8 +80,10 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
         receiver_at[texel as usize] = receiver as u32;
     }
     let seams = Seams::of(caster, atlas);
-    let mut gutters = gutters::fill(&map, &set, &receiver_at);
+    let Filled { mut gutters, lone } = gutters::fill(&map, &set, &receiver_at);
     seams.continue_over(&set, &receiver_at, &mut gutters);
+    gutters.extend(lent::lend(caster, &map, &set, &lone));
+    gutters.sort_unstable();
     set.gutters = gutters;
     set.seams = seams.pairs(&set, &receiver_at);
     Some(set)

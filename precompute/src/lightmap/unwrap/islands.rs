@@ -33,12 +33,12 @@ pub(super) struct Island {
     pub area_m2: f64,
     /// What a texel's edge is in proportion to (S1).
     pub texel: f32,
-    /// Middle of the largest face, metres.
+    /// Middle of the face that stands for it, metres.
     pub middle: Vec3,
     /// Its unit normal.
     pub normal: Vec3,
-    /// The largest face, by place in `faces`.
-    pub largest: usize,
+    /// The largest face of those that are not hidden, by place in `faces`: where all share a texel, the one that it is a place of.
+    pub shown: usize,
     /// Neither people nor light see any of it.
     pub is_hidden: bool,
 }
@@ -193,10 +193,17 @@ impl Facts<'_> {
             let own = faces.iter().zip(&areas).map(|(&face, &area)| (self.first_face + self.triangle(face), area));
             self.wanted.scale.texel(scale_m as f32, self.wanted.seen.density(own))
         };
-        let is_hidden = !self.wanted.hidden.is_empty()
-            && faces.iter().map(|&face| self.first_face + self.triangle(face)).all(|face| self.wanted.hidden[face]);
-        let largest = (0..areas.len()).rev().max_by(|&a, &b| areas[a].total_cmp(&areas[b])).unwrap_or_default();
-        let triangle = self.triangle(faces[largest]);
+        let is_shown = |face: u32| match self.wanted.hidden.get(self.first_face + self.triangle(face)) {
+            Some(is_hidden) => !is_hidden,
+            None => true,
+        };
+        let is_hidden = !faces.iter().any(|&face| is_shown(face));
+        let rank = |place: usize| (is_shown(faces[place]), areas[place]);
+        let shown = (0..areas.len())
+            .rev()
+            .max_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)))
+            .unwrap_or_default();
+        let triangle = self.triangle(faces[shown]);
         Island {
             mesh: self.mesh,
             corners,
@@ -204,7 +211,7 @@ impl Facts<'_> {
             texel,
             middle: self.scene.corners(self.mesh, triangle).iter().sum::<Vec3>() / 3.0,
             normal: self.scene.geometric_normal(self.mesh, triangle),
-            largest,
+            shown,
             is_hidden,
             faces,
         }

@@ -383,7 +383,7 @@ impl Charts {
     }
 
     /// Corners of all faces from those of the charts. Joined islands lie in one corner of what stands for them, but for the
-    /// largest face of the first, which lies there whole.
+    /// face that stands for the first, which lies there whole.
     fn spread(&self, dealt: &Dealt, packed: &Packed) -> Vec<Vec<Option<[Vec2; 3]>>> {
         let mut corners: Vec<Vec<Option<[Vec2; 3]>>> =
             self.pieces.iter().map(|piece| vec![None; piece.triangles.len()]).collect();
@@ -407,7 +407,7 @@ impl Charts {
                         }
                     }
                     let first = &self.islands[members[0]];
-                    corners[first.mesh][first.faces[first.largest] as usize] = Some(uv);
+                    corners[first.mesh][first.faces[first.shown] as usize] = Some(uv);
                 }
             }
         }
