@@ -10,7 +10,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-CRATES = ["formats", "scenes", "scenes/surfaces", "scenes/tools", "runtime", "precompute", "precompute/bucket", "runtime/viewer"]
+CRATES = ["formats", "scenes", "scenes/surfaces", "scenes/tools", "runtime", "systems", "precompute", "precompute/bucket", "runtime/viewer"]
 
 
 def without_tests(text):

@@ -5,7 +5,7 @@
 use crate::{RelightError, RelightInputs, SceneTexels, SurfacePoint, SurfaceTexels, TexelSample, sky_sh};
 use glam::Vec3;
 use localprt_formats::{BakedView, quantize::pack_uv};
-use localprt_scenes::{Light, Lighting, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
+use localprt_scenes::{Incident, Light, Lighting, MaterialOverride, Scene, Sky, lighting::SurfaceShading};
 use localprt_surfaces::{
     atlas::{
         Atlas,
@@ -157,24 +157,41 @@ pub fn direct_irradiance(
     geometric_normal: Vec3,
 ) -> Vec3 {
     let origin = position + geometric_normal * caster.offset_m();
-    let mut irradiance = Vec3::ZERO;
-    for light in lights {
-        let Some(incident) = light.incident(position) else { continue };
-        let cosine = normal.dot(incident.dir_to_light);
-        if cosine <= 0.0 || geometric_normal.dot(incident.dir_to_light) <= 0.0 {
-            continue;
-        }
-        let free = if incident.distance.is_finite() {
+    lights
+        .iter()
+        .filter_map(|light| {
+            let facing = facing_light(light, position, normal, geometric_normal)?;
+            facing.is_free(caster, light, origin).then_some(facing.irradiance)
+        })
+        .sum()
+}
+
+/// A light above the horizon of a surface point, its shadow not asked for yet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FacingLight {
+    /// Irradiance of the surface if nothing is in between, W m^-2.
+    pub irradiance: Vec3,
+    incident: Incident,
+}
+
+/// What a light sends to a surface point; `None` from below the horizon of either normal.
+pub fn facing_light(light: &Light, position: Vec3, normal: Vec3, geometric_normal: Vec3) -> Option<FacingLight> {
+    let incident = light.incident(position)?;
+    let cosine = normal.dot(incident.dir_to_light);
+    let is_above = cosine > 0.0 && geometric_normal.dot(incident.dir_to_light) > 0.0;
+    is_above.then_some(FacingLight { irradiance: incident.irradiance * cosine, incident })
+}
+
+impl FacingLight {
+    /// Whether nothing is between the light and the origin of rays from the point. Traces one ray.
+    pub fn is_free(&self, caster: &RayCaster<'_>, light: &Light, origin: Vec3) -> bool {
+        let dir_to_light = self.incident.dir_to_light;
+        match self.incident.distance.is_finite() {
             // A lamp may be flush with a surface.
-            caster.visible(origin, light.position - incident.dir_to_light * caster.offset_m())
-        } else {
-            caster.escapes(origin, incident.dir_to_light)
-        };
-        if free {
-            irradiance += incident.irradiance * cosine;
+            true => caster.visible(origin, light.position - dir_to_light * caster.offset_m()),
+            false => caster.escapes(origin, dir_to_light),
         }
     }
-    irradiance
 }
 
 /// The sky as the relighter wants it: SH radiance for the sky columns and radiance along the relight rays.

@@ -1,0 +1,5 @@
+//! Closed forms, leaks, and behavior in time.
+
+mod closed_forms;
+mod leaks;
+mod time;
