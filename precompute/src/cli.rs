@@ -9,6 +9,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use localprt_precompute::cache::Place;
 use localprt_precompute::settings::Preset;
 use localprt_precompute::shards::MOST_SHARDS;
+use localprt_precompute::validate::systems::Wanted;
 use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
@@ -370,6 +371,17 @@ pub struct Validate {
     /// Also light the place that the file reconstructs worst by a small bright spot close by
     #[arg(long, help_heading = "Sweeps")]
     pub failure_case: bool,
+    /// Also compare real-time systems on this scene and light, against the same reference: all, or some of file, fitted, paper, spatial,
+    /// arikan, ddgi, ddgi-scaled, light-field-irradiance, light-field-traced, light-field-exact, ssgi-probes, ssgi-probes-error,
+    /// ssgi-probes-occlusion, with commas between them
+    #[arg(long, value_name = "all|NAME,...", help_heading = "Systems", value_parser = Systems::parse)]
+    pub systems: Option<Systems>,
+    /// What systems that place their own probes may spend
+    #[arg(long, value_name = "probes|bytes", default_value = "probes", help_heading = "Systems")]
+    pub equal: Equal,
+    /// Also let them follow a lamp that moves for 120 frames: lag and flicker
+    #[arg(long, help_heading = "Systems", requires = "systems")]
+    pub moving_lamp: bool,
     /// Receivers to measure, spread over the scene
     #[arg(long, value_name = "N", default_value_t = 4096, help_heading = "Reference",
           value_parser = clap::value_parser!(u32).range(1..))]
@@ -403,6 +415,26 @@ pub struct Validate {
     #[arg(long, value_name = "N", default_value_t = 8192, help_heading = "Pictures",
           value_parser = clap::value_parser!(u32).range(8..=1_048_576))]
     pub flip_paths: u32,
+}
+
+/// Systems that are asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Systems(pub Vec<Wanted>);
+
+impl Systems {
+    fn parse(text: &str) -> Result<Self, String> {
+        Wanted::listed(text).map(Self)
+    }
+}
+
+/// What systems have in common with the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Equal {
+    /// As many probes
+    #[default]
+    Probes,
+    /// As many bytes as relighting reads
+    Bytes,
 }
 
 /// What computes a lighting state.

@@ -192,6 +192,28 @@ pub struct Bytes {
     pub near_light: u64,
 }
 
+impl Bytes {
+    /// Of the arrays of a file; that of the whole file is left at 0.
+    pub fn of(view: &BakedView<'_>) -> Self {
+        Self {
+            projection: 4 * view.blocks.total(|block| block.projection_pairs),
+            reconstruction: 4 * view.blocks.total(|block| block.reconstruction_pairs),
+            relight: (size_of_val(view.ray_dirs)
+                + size_of_val(view.ray_sh)
+                + size_of_val(view.ray_uv)
+                + size_of_val(view.ray_level)
+                + size_of_val(view.ray_distance)) as u64,
+            near_light: view.blocks.near_byte_count(view.metadata.n_k()),
+            file: 0,
+        }
+    }
+
+    /// What relighting reads every frame.
+    pub fn transport(&self) -> u64 {
+        self.projection + self.reconstruction + self.relight + self.near_light
+    }
+}
+
 /// How the scene got its lightmap coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -332,17 +354,7 @@ pub struct RelightFacts {
 impl BakeReport {
     /// Takes in the sizes of the arrays of a file.
     pub fn count_bytes(&mut self, view: &BakedView<'_>) {
-        self.bytes = Bytes {
-            projection: 4 * view.blocks.total(|block| block.projection_pairs),
-            reconstruction: 4 * view.blocks.total(|block| block.reconstruction_pairs),
-            relight: (size_of_val(view.ray_dirs)
-                + size_of_val(view.ray_sh)
-                + size_of_val(view.ray_uv)
-                + size_of_val(view.ray_level)
-                + size_of_val(view.ray_distance)) as u64,
-            near_light: view.blocks.near_byte_count(view.metadata.n_k()),
-            file: 0,
-        };
+        self.bytes = Bytes::of(view);
         self.volume = view.volume.map(|volume| VolumeFacts::of(&volume));
     }
 

@@ -14,6 +14,7 @@ use localprt_precompute::{
         report::Metrics,
         seen,
         selection::sample,
+        systems::Selection,
         viewpoints::viewpoints,
     },
 };
@@ -55,7 +56,8 @@ fn findings(baked: &BakeOutput, settings: &MeasureSettings, sweeps: &[(&str, &[&
         })
         .collect();
     let cameras = &baked.scene.cameras[..1];
-    validate::validate(&subject, &[state(baked)], false, &sweeps, cameras, settings, &progress).expect("findings")
+    validate::validate(&subject, &[state(baked)], false, &sweeps, &Selection::default(), cameras, settings, &progress)
+        .expect("findings")
 }
 
 fn error(state: &StateFindings, method: &Method) -> MethodError {

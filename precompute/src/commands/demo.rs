@@ -11,6 +11,7 @@ use localprt_precompute::picture::Exposure;
 use localprt_precompute::progress::Progress;
 use localprt_precompute::settings::Preset;
 use localprt_precompute::validate::path_tracer::PathBudget;
+use localprt_precompute::validate::systems::Selection;
 use localprt_precompute::validate::{Limits, MeasureSettings, State};
 use std::fmt::Write as _;
 use std::fs;
@@ -82,6 +83,7 @@ pub fn run(command: &Demo, progress: &Progress) -> Result<(), CommandError> {
             ..MeasureSettings::default()
         },
         sweeps: &[],
+        systems: Selection::default(),
         failure_case: false,
         limits: Limits::default(),
     };

@@ -2,10 +2,10 @@
 
 use super::{grouped, print_data, size, to_json};
 use crate::cli;
-use localprt_formats::{Baked, BlockRecord, Checked};
+use localprt_formats::{Baked, Checked};
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
-use localprt_precompute::report::{LinkFacts, Unseen, VolumeFacts};
+use localprt_precompute::report::{Bytes, LinkFacts, Unseen, VolumeFacts};
 use localprt_precompute::settings::BakeSettings;
 use localprt_tools::hex;
 use serde::Serialize;
@@ -79,15 +79,6 @@ struct SceneFacts {
 }
 
 #[derive(Serialize)]
-struct Bytes {
-    projection: u64,
-    reconstruction: u64,
-    near_light: u64,
-    relight: usize,
-    file: u64,
-}
-
-#[derive(Serialize)]
 struct Volume {
     origin: [f32; 3],
     spacing: f32,
@@ -124,7 +115,6 @@ impl Facts {
         let clusters = transport.clusters.len();
         let coefficients: usize =
             transport.clusters.iter().map(|cluster| cluster.receivers.len() * cluster.lights.len()).sum();
-        let pairs = |count: fn(&BlockRecord) -> u32| 4 * view.blocks.total(count);
         Self {
             file: FileFacts {
                 path: path.to_owned(),
@@ -152,17 +142,7 @@ impl Facts {
             probes_per_cluster: view.blocks.total(|block| block.n_cluster_probes) as f64 / clusters.max(1) as f64,
             unseen: Unseen::of(view.receiver_unseen),
             links: LinkFacts::of(transport.tiles.iter().flat_map(|tile| tile.counts.iter().copied()), receivers),
-            bytes: Bytes {
-                projection: pairs(|block| block.projection_pairs),
-                reconstruction: pairs(|block| block.reconstruction_pairs),
-                near_light: view.blocks.near_byte_count(metadata.n_k()),
-                relight: size_of_val(view.ray_dirs)
-                    + size_of_val(view.ray_sh)
-                    + size_of_val(view.ray_uv)
-                    + size_of_val(view.ray_level)
-                    + size_of_val(view.ray_distance),
-                file: baked.file_bytes(),
-            },
+            bytes: Bytes { file: baked.file_bytes(), ..Bytes::of(&view) },
             volume: view.volume.map(|volume| Volume {
                 origin: volume.grid.origin,
                 spacing: volume.grid.spacing_m,
@@ -197,7 +177,6 @@ impl Facts {
         let [low, high] = self.scene.bounds;
         let box_m: Vec<String> = (0..3).map(|axis| format!("{:.2}", high[axis] - low[axis])).collect();
         let count = |value: usize| grouped(value as u64);
-        let bytes = |value: usize| size(value as u64);
         line("file", format!("{}, {}", self.file.path, size(self.bytes.file)));
         line("format", format!("{}, by localprt {}", self.file.version, self.file.tool_version));
         line("scene", format!("{}, {} m", self.scene.path, box_m.join(" x ")));
@@ -235,7 +214,7 @@ impl Facts {
                 size(self.bytes.projection),
                 size(self.bytes.reconstruction),
                 size(self.bytes.near_light),
-                bytes(self.bytes.relight)
+                size(self.bytes.relight)
             ),
         );
         if let Some(Volume { spacing, degree, facts, .. }) = &self.volume {

@@ -1,7 +1,7 @@
 //! `precompute validate`: a baked file against path tracing; pictures, figures and a page out.
 
 use super::{to_json, write_text};
-use crate::cli::Validate;
+use crate::cli::{Equal, Validate};
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
@@ -15,6 +15,7 @@ use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
 use localprt_precompute::validate::seen::SeenError;
 use localprt_precompute::validate::state::View;
+use localprt_precompute::validate::systems::{Budget, Selection, SystemFindings};
 use localprt_precompute::validate::viewpoints::viewpoints;
 use localprt_precompute::validate::{self, Limits, MeasureSettings, State, StateFindings, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
@@ -48,6 +49,14 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         cameras: cameras(&caster, command.camera)?,
         settings,
         sweeps: &command.sweep,
+        systems: Selection {
+            systems: command.systems.clone().unwrap_or_default().0,
+            budget: match command.equal {
+                Equal::Probes => Budget::Probes,
+                Equal::Bytes => Budget::Bytes,
+            },
+            moving_lamp: command.moving_lamp,
+        },
         failure_case: command.failure_case,
         limits: Limits {
             nrmse: command.max_nrmse,
@@ -73,6 +82,8 @@ pub struct Job<'a> {
     pub settings: MeasureSettings,
     /// Options and values to bake again with.
     pub sweeps: &'a [(String, Vec<String>)],
+    /// Systems to compare.
+    pub systems: Selection,
     /// Whether to add the failure case.
     pub failure_case: bool,
     /// Largest figures allowed.
@@ -93,9 +104,17 @@ impl Job<'_> {
         };
         let sweeps = self.sweeps.iter().map(sweep).collect::<Result<Vec<_>, _>>()?;
         let cameras = self.cameras(&subject)?;
-        let findings =
-            validate::validate(&subject, &self.states, self.failure_case, &sweeps, &cameras, &self.settings, progress)
-                .map_err(about_file)?;
+        let findings = validate::validate(
+            &subject,
+            &self.states,
+            self.failure_case,
+            &sweeps,
+            &self.systems,
+            &cameras,
+            &self.settings,
+            progress,
+        )
+        .map_err(about_file)?;
 
         let stage = progress.stage("pictures and page", 0);
         let metrics = Metrics::of(&findings, &self.settings);
@@ -143,6 +162,20 @@ impl Job<'_> {
             if state.area.points > 0 {
                 progress.note(&format!("  by area: {}", seen_figures(&state.area)));
             }
+        }
+        for SystemFindings { name, figures, .. } in &findings.systems.0 {
+            progress.note(&format!(
+                "{name}: nrmse {:.4}, as seen {:.4}, by area {:.4}, FLIP {:.4}, bias {:+.4}, {} probes, {:.1} MB, {:.0} rays an update, {} frames",
+                figures.nrmse,
+                figures.view_nrmse,
+                figures.area_nrmse,
+                figures.flip,
+                figures.bias,
+                figures.probes,
+                figures.bytes as f64 / 1e6,
+                figures.rays_per_update,
+                figures.frames_to_90_percent
+            ));
         }
         progress.note(&format!("wrote {}", self.output.join("index.html").display()));
         if let Some(state) = findings.states.first() {

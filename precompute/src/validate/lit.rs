@@ -7,6 +7,7 @@
 use super::subject::Subject;
 use crate::{
     error::BakeError,
+    metrics::mean,
     progress::Progress,
     rays::SurfaceHit,
     transport::{GatherRay, GatherSet, Sites, TransportLeaf, TransportScene},
@@ -41,6 +42,8 @@ pub struct Lit<'a> {
     pub probe_radiance_with_sky: Vec<Vec3>,
     /// Levels of the light map of the last gather.
     pub light_map: Vec<CoverageMap>,
+    /// Mean irradiance after every gather.
+    pub gather_means: Vec<f64>,
     /// Irradiance map of the gather before the last one, which that one reads; `None` before the first.
     pub previous: Option<CoverageMap>,
     /// Sky as the clusters read it.
@@ -155,13 +158,13 @@ pub fn light<'a>(
     progress.check()?;
     let inputs = light.inputs(bounces);
     let mut relighter = CpuRelighter::new(subject.checked.clone());
-    let mut previous = None;
+    let (mut previous, mut gather_means) = (None, Vec::new());
     for gather in 0..bounces {
         progress.check()?;
         if gather > 0 {
             previous = Some(relighter.relit().irradiance_map.clone());
         }
-        relighter.step(&inputs).map_err(refused)?;
+        gather_means.push(mean(&relighter.step(&inputs).map_err(refused)?.irradiance));
         stage.inc(1);
     }
     let mut probe_radiance_with_sky = vec![Vec3::ZERO; relighter.probe_radiance().len()];
@@ -174,6 +177,7 @@ pub fn light<'a>(
         probe_radiance: relighter.probe_radiance().to_vec(),
         probe_radiance_with_sky,
         light_map: relighter.light_map().to_vec(),
+        gather_means,
         previous,
         sky: light.sky,
         basis: Basis::new(view.metadata.probe_degree),
@@ -181,7 +185,8 @@ pub fn light<'a>(
     })
 }
 
-fn refused(error: RelightError) -> BakeError {
+/// As an error of the bake.
+pub(super) fn refused(error: RelightError) -> BakeError {
     BakeError::Scene { what: error.to_string(), place: None, remedy: error.help().into() }
 }
 

@@ -16,6 +16,7 @@
 //! | [`steps`] | steps across chart seams and cluster borders |
 //! | [`operator_norm`] | reconstruction error without lighting, Eq. (12) |
 //! | [`coverage`] | unseen light, probes, clusters, coefficients |
+//! | [`systems`] | other real-time systems on the same scene and light |
 //! | [`sweep`], [`failure`] | the same scene baked with other options, and lit where it is worst |
 
 pub mod coverage;
@@ -39,6 +40,7 @@ pub mod steps;
 pub mod subject;
 pub mod surface_pixels;
 pub mod sweep;
+pub mod systems;
 pub mod viewpoints;
 
 pub use state::{State, StateFindings};
@@ -55,6 +57,7 @@ use selection::{Pairs, sample};
 use serde::Serialize;
 use state::SeenPoints;
 use sweep::SweepFindings;
+use systems::{BySystem, Selection};
 
 /// How much is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,6 +129,8 @@ pub struct Findings {
     pub states: Vec<StateFindings>,
     /// One entry per sweep.
     pub sweeps: Vec<SweepFindings>,
+    /// Systems that were asked for, under the first state.
+    pub systems: BySystem,
 }
 
 /// Percentiles of an error without lighting, the operator norm or the fit's prediction, and whether it is high where the
@@ -153,7 +158,7 @@ pub struct NormFigures {
     pub error_elsewhere: f64,
 }
 
-/// Validates a baked file under one or more lighting states, and the sweeps under the first of them. With `failure_case`
+/// Validates a baked file under one or more lighting states, and the sweeps and systems under the first of them. With `failure_case`
 /// the lighting of [`failure::failure_case`] is added to the states.
 ///
 /// # Errors
@@ -164,6 +169,7 @@ pub fn validate(
     states: &[State],
     failure_case: bool,
     sweeps: &[Sweep],
+    systems: &Selection,
     cameras: &[Camera],
     settings: &MeasureSettings,
     progress: &Progress,
@@ -198,7 +204,12 @@ pub fn validate(
             measured.first().map(|state| sweep::run(subject, sweep, state, &sample, settings, progress))
         })
         .collect::<Result<_, _>>()?;
-    Ok(Findings { sample, operator_norm, predicted, coverage: Coverage::of(subject), states: measured, sweeps })
+    let systems = match measured.first() {
+        Some(state) => systems::measure(subject, state, &sample, cameras, settings, systems, progress)?,
+        None => BySystem::default(),
+    };
+    let coverage = Coverage::of(subject);
+    Ok(Findings { sample, operator_norm, predicted, coverage, states: measured, sweeps, systems })
 }
 
 impl Findings {

@@ -9,6 +9,7 @@ use super::{
     state::{Leak, StateFindings, View},
     steps::Steps,
     sweep::SweepFindings,
+    systems::BySystem,
 };
 use crate::metrics::{MethodError, rms};
 use serde::Serialize;
@@ -47,6 +48,9 @@ pub struct Metrics {
     pub states: Vec<StateFigures>,
     /// Sweeps, under the first state.
     pub sweeps: Vec<SweepFindings>,
+    /// Systems, under the first state; absent if none were asked for.
+    #[serde(skip_serializing_if = "BySystem::is_empty")]
+    pub systems: BySystem,
 }
 
 /// Figures of one lighting state; fields as in [`Metrics`].
@@ -207,6 +211,7 @@ impl Metrics {
             area: first.area,
             states,
             sweeps: findings.sweeps.clone(),
+            systems: findings.systems.clone(),
         }
     }
 }

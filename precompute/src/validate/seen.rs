@@ -37,6 +37,15 @@ pub struct SeenPoint {
     pub uv: Vec2,
 }
 
+/// Points that were compared, and their reference.
+#[derive(Clone, Debug, Default)]
+pub struct SeenReference {
+    /// The points.
+    pub points: Vec<SeenPoint>,
+    /// Path traced there.
+    pub reference: Estimates,
+}
+
 /// Errors over points. [`SeenError::points`] is 0 where there is nothing to compare: no surface with texels, or no light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SeenError {

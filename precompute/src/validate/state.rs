@@ -10,7 +10,7 @@ use super::{
     mottling::Mottling,
     parts::{ErrorParts, Worst, parts},
     path_tracer::{Estimates, PathTracer, PixelLight, ViewLight, ViewSettings},
-    seen::{SeenError, SeenPoint},
+    seen::{SeenError, SeenPoint, SeenReference},
     selection::{Pairs, spread, thin},
     steps::Steps,
     subject::Subject,
@@ -83,6 +83,8 @@ pub struct View {
     pub ev: f32,
     /// The lightmap where the camera sees it.
     pub error: SeenError,
+    /// The points of that comparison.
+    pub seen: SeenReference,
     /// Light beside edges, by [`View::smooth`].
     pub edges: Edges,
     /// Blotches on smooth surfaces, by the same.
@@ -122,6 +124,8 @@ pub struct StateFindings {
     pub state: State,
     /// Reference at the measured receivers.
     pub reference: Estimates,
+    /// Mean irradiance of the file after every gather, W m^-2.
+    pub gather_means: Vec<f64>,
     /// Mean of the reference over receivers and bands, W m^-2.
     pub mean: f64,
     /// The same of its luminance.
@@ -142,6 +146,8 @@ pub struct StateFindings {
     pub views: Vec<View>,
     /// The lightmap at points drawn by area.
     pub area: SeenError,
+    /// The points of that comparison.
+    pub area_seen: SeenReference,
     /// Mean of [`View::flip_noise`]: what noise alone gives, and more.
     pub flip_noise: f64,
 }
@@ -176,15 +182,16 @@ pub fn measure(
     let seen_error = |points: &[SeenPoint]| {
         let surface: Vec<_> = points.iter().map(|seen| seen.point).collect();
         let reference = tracer.estimate(&surface, settings.budget, progress)?;
-        Ok::<_, BakeError>(SeenError::of(points, &lit.relit.irradiance_map, &unseen, &reference))
+        let error = SeenError::of(points, &lit.relit.irradiance_map, &unseen, &reference);
+        Ok::<_, BakeError>((error, SeenReference { points: points.to_vec(), reference }))
     };
     let mut views = views(&tracer, cameras, settings, progress)?;
     for ((view, camera), points) in views.iter_mut().zip(cameras).zip(&seen_points.views) {
-        view.error = seen_error(points)?;
+        (view.error, view.seen) = seen_error(points)?;
         view.flip = view.flip(&lit.relit.irradiance_map);
         view.measure_surfaces(subject, camera, &lit.relit.irradiance_map);
     }
-    let area = seen_error(&seen_points.area)?;
+    let (area, area_seen) = seen_error(&seen_points.area)?;
 
     // Receivers that the sample, the pairs and the pictures need, each once.
     let seen = thin(&seen_receivers(subject, &views), settings.picture_receivers as usize);
@@ -228,6 +235,7 @@ pub fn measure(
     Ok(Some(StateFindings {
         state: state.clone(),
         reference,
+        gather_means: lit.gather_means.clone(),
         mean,
         mean_luminance,
         truths,
@@ -238,6 +246,7 @@ pub fn measure(
         leak,
         views,
         area,
+        area_seen,
         flip_noise,
     }))
 }
@@ -277,6 +286,7 @@ fn views(
             smooth,
             ev,
             error: SeenError::default(),
+            seen: SeenReference::default(),
             edges: Edges::default(),
             mottling: Mottling::default(),
             shown: Shown::default(),
@@ -335,7 +345,8 @@ fn seen_receivers(subject: &Subject<'_>, views: &[View]) -> Vec<u32> {
     seen
 }
 
-fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
+/// Light where the reference has none; `mean` is the mean luminance of the reference.
+pub(super) fn leak(compressed: &[Vec3], reference: &[Vec3], mean: f64) -> Leak {
     let brightness = |color: &Vec3| luminance(*color);
     let sealed: Vec<f64> = compressed
         .iter()

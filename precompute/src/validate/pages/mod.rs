@@ -4,6 +4,7 @@
 
 mod maps;
 mod pictures;
+mod systems;
 mod text;
 
 use super::{Findings, Limits, MeasureSettings, Subject, report::Metrics};
@@ -61,6 +62,7 @@ pub fn write(folder: &Path, context: &Context<'_>) -> Result<(), OutputError> {
         sections.push(pictures::section(context, &metrics, index, &folder)?);
     }
     sections.push(maps::section(context, &metrics, &folder)?);
+    sections.extend(systems::section(context, &folder)?);
     for index in 0..context.findings.sweeps.len() {
         sections.push(maps::sweep_section(context, index, &folder)?);
     }
