@@ -23,7 +23,7 @@ const LIGHTS: &str = r#"{
   "sky": {"type": "gradient", "zenith": [0.4, 0.6, 1], "horizon": [0.7, 0.8, 0.9], "ground": [0.1, 0.1, 0.1]}
 }"#;
 /// What a command line has, and what is appended then, unless that option is there already.
-const CHEAPER: [(&str, &str); 10] = [
+const CHEAPER: [(&str, &str); 12] = [
     (" bake ", " --lightmap 64"),
     (" bake ", " --direct-map 128"),
     (" bake ", " --gather-rays 64"),
@@ -33,6 +33,8 @@ const CHEAPER: [(&str, &str); 10] = [
     (" validate ", " --paths 512"),
     (" validate ", " --width 24"),
     (" validate ", " --picture-paths 8"),
+    (" validate ", " --flip-paths 16"),
+    (" validate ", " --points 100"),
     (" validate ", " --bounces 1"),
 ];
 

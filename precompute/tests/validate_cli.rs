@@ -71,7 +71,9 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     let spot = r#"{"lights":[{"type":"spot","position":[0,1.8,0.5],"direction":[-1,-1,-0.5],"intensity":9}]}"#;
     std::fs::write(&lights, spot).expect("written");
     let quality = path(folder.path(), "quality");
+    let systems = "ssgi-probes,ddgi,file,paper,ddgi-scaled";
     let more = ["--lights", &lights, "--sweep", "degree=1,4", "--failure-case", "--max-nrmse", "1000"];
+    let more = [&more[..], &["--systems", systems, "--moving-lamp"]].concat();
     let output = validate(&file, &quality, &more);
     assert_eq!((code(&output), stderr(&output).as_str()), (0, ""), "quiet and done");
 
@@ -134,6 +136,25 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     let nrmse = MethodError::of(&found, &expected).expect("light").nrmse;
     assert_eq!(metrics["methods"]["compressed"]["nrmse"].as_f64(), Some(nrmse), "as the page has it");
 
+    // Systems in the order of the table; the file's figures are those of the file.
+    let systems = &metrics["systems"];
+    assert_eq!(keys(systems), "file paper ddgi ddgi-scaled ssgi-probes");
+    for (name, found) in systems.as_object().expect("an object") {
+        let documented =
+            "nrmse median_relative p95_relative bias view_nrmse area_nrmse flip leak bytes probes rays_per_update";
+        assert!(keys(found).starts_with(documented), "{}", keys(found));
+        for field in ["nrmse", "view_nrmse", "area_nrmse", "flip", "bytes", "probes", "frames_to_90_percent"] {
+            assert!(found[field].as_f64() > Some(0.0), "{name} {field}: {found}");
+        }
+    }
+    assert_eq!(systems["file"]["nrmse"].as_f64(), Some(nrmse));
+    assert_eq!(systems["file"]["view_nrmse"], view["nrmse"]);
+    assert_eq!(systems["paper"]["nrmse"], metrics["methods"]["paper"]["nrmse"]);
+    // A lamp takes a system with hysteresis longer to follow than the file, which has one bounce in a frame.
+    let behind = |name: &str| systems[name]["following"]["lag_frames"].as_f64().expect("it follows");
+    assert!(behind("file") < 1.0 && behind("ddgi") > 5.0, "{} {}", behind("file"), behind("ddgi"));
+    assert!(systems["ddgi"]["rays_per_update"].as_f64() > Some(1000.0));
+
     let page = std::fs::read_to_string(path(folder.path(), "quality/index.html")).expect("a page");
     assert!(page.contains("nrmse") && page.contains("Sweep of degree") && page.contains("<svg"));
     // Every picture that the page shows is there, and every picture that is there is shown.
@@ -167,6 +188,11 @@ fn limits_and_mistakes_have_their_exit_codes() {
     assert!(stderr(&output).contains("nrmse under the scene's own light is"), "{}", stderr(&output));
     // The page tells why, so it is there.
     assert!(Path::new(&path(folder.path(), "quality/index.html")).is_file());
+
+    // A system that there is none of.
+    let output = validate(&file, &quality, &["--systems", "file,dggi"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(stderr(&output).contains("did you mean ddgi?"), "{}", stderr(&output));
 
     // A limit of its own for what is seen; the page holds both to theirs.
     let output = validate(&file, &quality, &["--max-nrmse", "1000", "--max-view-nrmse", "0.0001"]);
