@@ -37,7 +37,8 @@ pub(super) struct Island {
     pub middle: Vec3,
     /// Its unit normal.
     pub normal: Vec3,
-    /// The largest face of those that are not hidden, by place in `faces`: where all share a texel, the one that it is a place of.
+    /// The face that is seen most, of those that are not seen the largest that is not hidden, by place in `faces`: where all share a texel,
+    /// the one that it is a place of.
     pub shown: usize,
     /// Neither people nor light see any of it.
     pub is_hidden: bool,
@@ -198,10 +199,11 @@ impl Facts<'_> {
             None => true,
         };
         let is_hidden = !faces.iter().any(|&face| is_shown(face));
-        let rank = |place: usize| (is_shown(faces[place]), areas[place]);
+        let hits = |face: u32| self.wanted.seen.hits.get(self.first_face + self.triangle(face)).copied().unwrap_or(0);
+        let rank = |place: usize| (hits(faces[place]), is_shown(faces[place]));
         let shown = (0..areas.len())
             .rev()
-            .max_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)))
+            .max_by(|&a, &b| rank(a).cmp(&rank(b)).then(areas[a].total_cmp(&areas[b])))
             .unwrap_or_default();
         let triangle = self.triangle(faces[shown]);
         Island {
