@@ -82,7 +82,7 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
     let seams = Seams::of(caster, atlas);
     let Filled { mut gutters, lone } = gutters::fill(&map, &set, &receiver_at);
     seams.continue_over(&set, &receiver_at, &mut gutters);
-    gutters.extend(lent::lend(caster, &map, &set, &lone));
+    gutters.extend(lent::lend(caster, atlas, &map, &set, &lone));
     gutters.sort_unstable();
     set.gutters = gutters;
     set.seams = seams.pairs(&set, &receiver_at);

@@ -1,8 +1,8 @@
 //! Other real-time systems and ours, on one scene and light, against one reference.
 //!
 //! In: what was measured of the first lighting state, and the systems asked for. Out: errors of each by receiver, by view, by area and
-//! in pictures, with the bytes, probes, rays and frames that it takes. [`ours`] reads what the methods found; [`settled`] runs the
-//! others frame by frame until they rest, [`moving`] while a lamp moves.
+//! in pictures, with the bytes, probes, rays and frames that it takes. `ours` reads what the methods found; `settled` runs the
+//! others frame by frame until they rest, `moving` while a lamp moves.
 
 mod moving;
 mod ours;
