@@ -27,7 +27,7 @@ for given in "$@"; do
         label="$name, $(basename "${given#*@}" .json)"
     fi
     for bounces in ${BOUNCES:-1 3}; do
-        run="$out/$label, $bounces"
+        run="$out/$label, gathers $bounces"
         "$precompute" validate "$out/$name.lprt" -o "$run" "${lights[@]}" --bounces "$bounces" --systems "${SYSTEMS:-all}" \
             --equal "${EQUAL:-probes}" ${MOVING:-} --receivers 1024 --points "${POINTS:-1000}" --paths "${PATHS:-4096}" --picture-paths 8 \
             --width 256 --flip-paths 1024 >/dev/null 2>"$out/log" || { cat "$out/log"; exit 1; }
@@ -40,7 +40,7 @@ runs = [(pathlib.Path(run).name, json.load(open(f"{run}/metrics.json"))["systems
 names = list(runs[0][1])
 percent = lambda value: "" if value is None else f"{100 * value:.1f}" if value < 10 else f"{100 * value:.0f}"
 def table(title, figure):
-    print(f"\n{title}\n\n| system | " + " | ".join(f"{run.replace(', ', ', bounces ') if run.count(',') == 1 else run}" for run, _ in runs) + " |")
+    print(f"\n{title}\n\n| system | " + " | ".join(run for run, _ in runs) + " |")
     print("|---|" + "---|" * len(runs))
     for name in names:
         print(f"| {name} | " + " | ".join(figure(systems.get(name, {})) for _, systems in runs) + " |")
@@ -48,11 +48,11 @@ table("nrmse of what cameras see, %", lambda found: percent(found.get("view_nrms
 table("nrmse by area, %", lambda found: percent(found.get("area_nrmse")))
 table("FLIP", lambda found: f"{found['flip']:.3f}" if found else "")
 table("Bias, %", lambda found: f"{100 * found['bias']:+.1f}" if found else "")
-table("Light where there is none, % of the mean", lambda found: percent(found.get("leak")))
-table("Megabytes", lambda found: f"{found['bytes'] / 1e6:.2f}" if found else "")
-table("Probes", lambda found: str(found.get("probes", "")))
-table("Rays of an update, thousands", lambda found: f"{found['rays_per_update'] / 1e3:.1f}" if found else "")
-table("Frames to 90 %", lambda found: str(found.get("frames_to_90_percent", "")))
+print(f"\nWhat it takes: {runs[0][0]}\n\n| system | MB | probes | rays of an update | texels of an update | frames to 90 % | to rest |")
+print("|---|---|---|---|---|---|---|")
+for name, found in runs[0][1].items():
+    print(f"| {name} | {found['bytes'] / 1e6:.3g} | {found['probes']} | {found['rays_per_update']:,.0f} | {found['texels_per_update']:,.0f} | "
+          f"{found['frames_to_90_percent']} | {found['frames']} |")
 if any("following" in found for _, systems in runs for found in systems.values()):
     of = lambda found, field: found.get("following", {}).get(field)
     table("A lamp moves: nrmse, %", lambda found: percent(of(found, "nrmse")))
