@@ -12,6 +12,7 @@
 //! | [`world`] | what rays meet and what surfaces send |
 //! | [`ddgi`] | dynamic diffuse global illumination, as evaluated by Hvezda |
 //! | [`ddgi_scaled`] | the same for production: states, moved probes, windows that follow the camera |
+//! | [`hybrid`] | a baked file for what stands still, and a window of scaled DDGI around what moves |
 //! | [`irradiance_probes`] | rays, maps and weights of octahedral irradiance probes |
 //! | [`light_field`] | light field probes: rays through octahedral maps, prefiltered irradiance |
 //! | [`ssgi_probes`] | spherical harmonics that learn from what is on screen |
@@ -20,6 +21,7 @@
 
 pub mod ddgi;
 pub mod ddgi_scaled;
+pub mod hybrid;
 pub mod irradiance_probes;
 pub mod light_field;
 pub mod octahedral;

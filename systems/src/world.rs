@@ -11,6 +11,8 @@ pub struct World<'a> {
     caster: &'a RayCaster<'a>,
     lighting: &'a Lighting,
     shading: SurfaceShading<'a>,
+    /// What casts shadows.
+    shadows: &'a RayCaster<'a>,
 }
 
 /// A surface that a ray met, as shading needs it: an entry of a surfel buffer.
@@ -27,7 +29,12 @@ pub struct Surfel {
 impl<'a> World<'a> {
     /// Of a scene's rays and a lighting state.
     pub fn new(caster: &'a RayCaster<'a>, lighting: &'a Lighting) -> Self {
-        Self { caster, lighting, shading: SurfaceShading::new(caster.scene(), lighting) }
+        Self { caster, lighting, shading: SurfaceShading::new(caster.scene(), lighting), shadows: caster }
+    }
+
+    /// The same with shadows of another scene's surfaces in place of its own.
+    pub fn with_shadows_of(self, shadows: &'a RayCaster<'a>) -> Self {
+        Self { shadows, ..self }
     }
 
     /// Rays against its surfaces.
@@ -62,13 +69,13 @@ impl<'a> World<'a> {
 
     /// Irradiance straight from punctual lights, W m^-2, with traced shadows, and the shadow rays that it took.
     pub fn direct(&self, point: &SurfacePoint) -> (Vec3, u64) {
-        let origin = point.position + point.geometric_normal * self.caster.offset_m();
+        let origin = point.position + point.geometric_normal * self.shadows.offset_m();
         let (mut irradiance, mut rays) = (Vec3::ZERO, 0);
         for light in &self.lighting.lights {
             let facing = facing_light(light, point.position, point.normal, point.geometric_normal);
             let Some(facing) = facing else { continue };
             rays += 1;
-            if facing.is_free(self.caster, light, origin) {
+            if facing.is_free(self.shadows, light, origin) {
                 irradiance += facing.irradiance;
             }
         }
@@ -80,5 +87,41 @@ impl Surfel {
     /// Radiance that it sends, W sr^-1 m^-2, given the irradiance that arrives: L = Le + albedo / pi * E.
     pub fn sent(&self, irradiance: Vec3) -> Vec3 {
         self.emission + self.albedo * FRAC_1_PI * irradiance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_worlds::{in_world, lit_plane};
+    use localprt_scenes::{Light, LightKind, Scene};
+
+    #[test]
+    fn shadows_may_be_those_of_another_scene() {
+        let (plane, _) = lit_plane(0.5);
+        let sun = Light {
+            name: String::new(),
+            kind: LightKind::Directional,
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Y,
+            color: Vec3::ONE,
+            intensity: 2.0,
+            range: None,
+        };
+        let lighting = Lighting { lights: vec![sun], ..Lighting::default() };
+        // The same plane once more, 1 m above.
+        let mut covered: Scene = plane.clone();
+        let mut sheet = plane.meshes[0].clone();
+        sheet.positions.iter_mut().for_each(|position| position.y += 1.0);
+        covered.meshes.push(sheet);
+        let point = SurfacePoint { position: Vec3::ZERO, normal: Vec3::Y, geometric_normal: Vec3::Y };
+        in_world(&plane, &lighting, |open| {
+            assert_eq!(open.direct(&point), (Vec3::splat(2.0), 1));
+            in_world(&covered, &lighting, |covered| {
+                let shaded = World::new(open.caster(), &lighting).with_shadows_of(covered.caster());
+                assert_eq!(shaded.direct(&point), (Vec3::ZERO, 1));
+                assert!(shaded.caster().escapes(Vec3::Y * 0.5, Vec3::Y), "rays meet its own surfaces");
+            });
+        });
     }
 }

@@ -7,6 +7,7 @@ mod file_to_pixels;
 mod furnace;
 mod fuzz;
 mod gpu;
+mod hybrid;
 mod light_leak;
 mod sky;
 mod stability;

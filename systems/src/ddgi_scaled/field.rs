@@ -77,41 +77,32 @@ impl ScaledDdgi {
         if shares > 0.0 { sum / shares } else { Vec3::ZERO }
     }
 
-    /// Traces the active probes of a volume: slots with what their rays bring back.
-    fn gathered(&self, volume: &Volume, frame: &Frame<'_>) -> Vec<(usize, Gathered)> {
-        let settings = &self.settings;
-        let [dirs, first_dirs] =
-            [settings.rays, settings.first_rays].map(|rays| turned_directions(rays, self.seed, frame.number, 0));
-        let backs = if settings.shortens_backs { BackFaces::Shortened } else { BackFaces::Black };
-        let rays = ProbeRays { frame, own: self, backs, far_m: far_m(&volume.window.grid()) };
-        let active = |slot: &usize| volume.probes[*slot].state.is_active();
-        let slots: Vec<_> = (0..volume.probes.len()).filter(active).collect();
-        let gather = |slot: usize| {
-            let dirs = if volume.probes[slot].state.is_new() { &first_dirs } else { &dirs };
-            (slot, rays.shaded(volume.position(slot), dirs))
-        };
-        slots.into_par_iter().map(gather).collect()
+    /// First pass of a frame: volumes follow a point, new probes find their places in a world, sleepers wake.
+    pub(crate) fn arrange(&mut self, world: &World<'_>, followed: Option<Vec3>, number: u64) -> Work {
+        let settings = self.settings;
+        let looks = turned_directions(settings.rays, self.seed, number, LOOK);
+        let mut work = Work::default();
+        for volume in &mut self.volumes {
+            volume.follow(followed);
+            work += volume.place_probes(world, &looks, &self.objects, &settings);
+            volume.wake(&self.objects, &settings);
+        }
+        work
     }
-}
 
-type Gathered = (Vec<crate::irradiance_probes::ProbeRay>, Work);
+    /// Second pass: what the rays of all active probes bring back.
+    pub(crate) fn trace(&self, frame: &Frame<'_>) -> Found {
+        // All volumes are asked for feedback, so that none is written before all are traced.
+        Found(self.volumes.iter().map(|volume| self.gathered(volume, frame)).collect())
+    }
 
-impl System for ScaledDdgi {
-    fn update(&mut self, frame: &Frame<'_>) -> Work {
+    /// Last pass: probes take over what their rays found.
+    pub(crate) fn take(&mut self, frame: &Frame<'_>, found: Found) -> Work {
         let settings = self.settings;
         let events = if settings.events { frame.events } else { &[] };
         let hysteresis = self.reaction.frame(events, settings.hysteresis);
-        let camera = frame.camera.map(|camera| camera.to_world.w_axis.truncate());
-        let looks = turned_directions(settings.rays, self.seed, frame.number, LOOK);
         let mut work = Work::default();
-        for volume in &mut self.volumes {
-            volume.follow(camera);
-            work += volume.place_probes(frame.world, &looks, &self.objects, &settings);
-            volume.wake(&self.objects, &settings);
-        }
-        // All volumes are asked for feedback, so that none is written before all are traced.
-        let gathered: Vec<_> = self.volumes.iter().map(|volume| self.gathered(volume, frame)).collect();
-        for (volume, gathered) in self.volumes.iter_mut().zip(gathered) {
+        for (volume, gathered) in self.volumes.iter_mut().zip(found.0) {
             let mut of_slot: Vec<Option<Gathered>> = volume.probes.iter().map(|_| None).collect();
             for (slot, rays) in gathered {
                 work.probes += 1;
@@ -129,6 +120,38 @@ impl System for ScaledDdgi {
                 probe.state = probe.state.updated();
             });
         }
+        work
+    }
+
+    /// Traces the active probes of a volume: slots with what their rays bring back.
+    fn gathered(&self, volume: &Volume, frame: &Frame<'_>) -> Vec<(usize, Gathered)> {
+        let settings = &self.settings;
+        let [dirs, first_dirs] =
+            [settings.rays, settings.first_rays].map(|rays| turned_directions(rays, self.seed, frame.number, 0));
+        let backs = if settings.shortens_backs { BackFaces::Shortened } else { BackFaces::Black };
+        let rays = ProbeRays { frame, own: self, backs, far_m: far_m(&volume.window.grid()) };
+        let active = |slot: &usize| volume.probes[*slot].state.is_active();
+        let slots: Vec<_> = (0..volume.probes.len()).filter(active).collect();
+        let gather = |slot: usize| {
+            let dirs = if volume.probes[slot].state.is_new() { &first_dirs } else { &dirs };
+            (slot, rays.shaded(volume.position(slot), dirs))
+        };
+        slots.into_par_iter().map(gather).collect()
+    }
+}
+
+/// What the rays of a frame found, by volume and slot.
+pub(crate) struct Found(Vec<Vec<(usize, Gathered)>>);
+
+type Gathered = (Vec<crate::irradiance_probes::ProbeRay>, Work);
+
+impl System for ScaledDdgi {
+    fn update(&mut self, frame: &Frame<'_>) -> Work {
+        let camera = frame.camera.map(|camera| camera.to_world.w_axis.truncate());
+        let placing = self.arrange(frame.world, camera, frame.number);
+        let found = self.trace(frame);
+        let mut work = self.take(frame, found);
+        work += placing;
         work
     }
 
