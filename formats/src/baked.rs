@@ -1,6 +1,6 @@
 //! What a baked file holds, as plain arrays.
 
-use crate::block::{BlockArrays, BlockShape, Blocks};
+use crate::block::{BlockArrays, BlockRecord, BlockShape, Blocks};
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 use serde::{Deserialize, Serialize};
@@ -224,7 +224,44 @@ impl BakedArrays {
     }
 }
 
+/// Bytes that relighting reads, by what they are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TransportBytes {
+    /// `S V^T` of all clusters.
+    pub projection: u64,
+    /// `U` of all clusters.
+    pub reconstruction: u64,
+    /// Relight rays: directions, basis, lookups, distances.
+    pub relight: u64,
+    /// Near light: tiles, nodes, links and weights.
+    pub near_light: u64,
+}
+
+impl TransportBytes {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.projection + self.reconstruction + self.relight + self.near_light
+    }
+}
+
 impl BakedView<'_> {
+    /// Bytes that relighting reads in every frame.
+    pub fn transport_bytes(&self) -> TransportBytes {
+        // Pairs of halves.
+        let pairs = |count: fn(&BlockRecord) -> u32| 4 * self.blocks.total(count);
+        let rays = size_of_val(self.ray_dirs)
+            + size_of_val(self.ray_sh)
+            + size_of_val(self.ray_uv)
+            + size_of_val(self.ray_level)
+            + size_of_val(self.ray_distance);
+        TransportBytes {
+            projection: pairs(|block| block.projection_pairs),
+            reconstruction: pairs(|block| block.reconstruction_pairs),
+            relight: rays as u64,
+            near_light: self.blocks.near_byte_count(self.metadata.n_k()),
+        }
+    }
+
     /// What blocks of the lightmap's transport are checked against.
     pub(crate) fn shape(&self) -> BlockShape {
         BlockShape {

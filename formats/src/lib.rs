@@ -73,7 +73,8 @@ pub mod weight;
 pub mod write;
 
 pub use baked::{
-    BakedArrays, BakedView, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe, VolumeArrays, VolumeGrid, VolumeView,
+    BakedArrays, BakedView, LEVEL_BLACK, LEVEL_SKY, MAX_LEVEL, Metadata, Probe, TransportBytes, VolumeArrays,
+    VolumeGrid, VolumeView,
 };
 pub use block::{
     BlockArrays, BlockRecord, BlockShape, Blocks, ClusterRecord, NEAR_NODES, NEAR_TILE, NearArrays, NearTile,

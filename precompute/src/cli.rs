@@ -9,7 +9,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use localprt_precompute::cache::Place;
 use localprt_precompute::settings::Preset;
 use localprt_precompute::shards::MOST_SHARDS;
-use localprt_precompute::validate::systems::Wanted;
+use localprt_precompute::validate::systems::{Budget, Systems};
 use localprt_tools::arguments::{parse_exposure, parse_size};
 use std::path::PathBuf;
 
@@ -374,11 +374,11 @@ pub struct Validate {
     /// Also compare real-time systems on this scene and light, against the same reference: all, or some of file, fitted, paper, spatial,
     /// arikan, ddgi, ddgi-scaled, light-field-irradiance, light-field-traced, light-field-exact, ssgi-probes, ssgi-probes-error,
     /// ssgi-probes-occlusion, with commas between them
-    #[arg(long, value_name = "all|NAME,...", help_heading = "Systems", value_parser = Systems::parse)]
+    #[arg(long, value_name = "all|NAME,...", help_heading = "Systems")]
     pub systems: Option<Systems>,
     /// What systems that place their own probes may spend
     #[arg(long, value_name = "probes|bytes", default_value = "probes", help_heading = "Systems")]
-    pub equal: Equal,
+    pub equal: Budget,
     /// Also let them follow a lamp that moves for 120 frames: lag and flicker
     #[arg(long, help_heading = "Systems", requires = "systems")]
     pub moving_lamp: bool,
@@ -415,26 +415,6 @@ pub struct Validate {
     #[arg(long, value_name = "N", default_value_t = 8192, help_heading = "Pictures",
           value_parser = clap::value_parser!(u32).range(8..=1_048_576))]
     pub flip_paths: u32,
-}
-
-/// Systems that are asked for.
-#[derive(Clone, Debug, Default)]
-pub struct Systems(pub Vec<Wanted>);
-
-impl Systems {
-    fn parse(text: &str) -> Result<Self, String> {
-        Wanted::listed(text).map(Self)
-    }
-}
-
-/// What systems have in common with the file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Equal {
-    /// As many probes
-    #[default]
-    Probes,
-    /// As many bytes as relighting reads
-    Bytes,
 }
 
 /// What computes a lighting state.
@@ -606,5 +586,15 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_help_of_validate_names_every_system() {
+        let mut command = Cli::command();
+        let validate = command.find_subcommand_mut("validate").expect("a subcommand");
+        let help = validate.render_long_help().to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        for system in localprt_precompute::validate::systems::Wanted::all() {
+            assert!(help.contains(&format!(" {}", system.name())), "{system:?}");
+        }
     }
 }

@@ -6,7 +6,7 @@
 pub use localprt_tools::progress::StageTime;
 
 use crate::{progress::Progress, settings::BakeSettings};
-use localprt_formats::BakedView;
+use localprt_formats::{BakedView, TransportBytes};
 use localprt_tools::memory::peak_rss_bytes;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -195,22 +195,8 @@ pub struct Bytes {
 impl Bytes {
     /// Of the arrays of a file; that of the whole file is left at 0.
     pub fn of(view: &BakedView<'_>) -> Self {
-        Self {
-            projection: 4 * view.blocks.total(|block| block.projection_pairs),
-            reconstruction: 4 * view.blocks.total(|block| block.reconstruction_pairs),
-            relight: (size_of_val(view.ray_dirs)
-                + size_of_val(view.ray_sh)
-                + size_of_val(view.ray_uv)
-                + size_of_val(view.ray_level)
-                + size_of_val(view.ray_distance)) as u64,
-            near_light: view.blocks.near_byte_count(view.metadata.n_k()),
-            file: 0,
-        }
-    }
-
-    /// What relighting reads every frame.
-    pub fn transport(&self) -> u64 {
-        self.projection + self.reconstruction + self.relight + self.near_light
+        let TransportBytes { projection, reconstruction, relight, near_light } = view.transport_bytes();
+        Self { projection, reconstruction, relight, near_light, file: 0 }
     }
 }
 

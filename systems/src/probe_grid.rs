@@ -23,10 +23,18 @@ pub struct Cage {
 }
 
 impl ProbeGrid {
-    /// Over a box, with not more than so many probes (but 8), about as far apart along each axis.
-    pub fn over((low, high): (Vec3, Vec3), probes: usize) -> Self {
+    /// Over a box, with not more than so many probes (but 8), about as far apart along each axis; the outermost stand on its faces.
+    pub fn over(bounds: (Vec3, Vec3), probes: usize) -> Self {
+        Self::within(bounds, probes, 0.0)
+    }
+
+    /// The same with the outermost probes `inset` spacings within the box: at 0.5 each stands in the middle of its part. On the faces of a
+    /// box probes stand in the walls of a room.
+    pub fn within((low, high): (Vec3, Vec3), probes: usize, inset: f32) -> Self {
         let extent = (high - low).max(Vec3::splat(1e-3 * (high - low).max_element().max(1e-3)));
-        let count = |spacing: f32| (extent / spacing).floor().as_uvec3().max(UVec3::ONE) + 1;
+        // n probes and what is left beside them take n - 1 + 2 inset spacings.
+        let beside = 2.0 * inset - 1.0;
+        let count = |spacing: f32| (extent / spacing - beside).round().max(Vec3::splat(2.0)).as_uvec3();
         let total = |size: UVec3| size.as_u64vec3().element_product();
         // From the volume of a probe up, until they are few enough.
         let mut spacing = (extent.element_product() / probes.max(8) as f32).cbrt().min(extent.max_element()) * 0.5;
@@ -34,7 +42,13 @@ impl ProbeGrid {
             spacing *= 1.01;
         }
         let size = count(spacing);
-        Self { low, spacing: extent / (size - 1).as_vec3(), size }
+        let spacing = extent / (size.as_vec3() + beside);
+        Self { low: low + spacing * inset, spacing, size }
+    }
+
+    /// From the first probe to the last along each axis, metres.
+    pub fn width(&self) -> Vec3 {
+        self.spacing * (self.size - 1).as_vec3()
     }
 
     /// Number of probes.
@@ -91,7 +105,8 @@ mod tests {
     fn a_grid_fills_its_box_with_not_more_probes_than_allowed() {
         for (high, probes) in [(Vec3::ONE, 8), (Vec3::new(30.0, 12.0, 18.0), 600), (Vec3::new(100.0, 1.0, 1.0), 64)] {
             let grid = ProbeGrid::over((Vec3::ZERO, high), probes);
-            assert!(grid.len() <= probes && grid.len() * 3 > probes, "{grid:?}");
+            // One more along each axis would be too many: of two they are 8/27 of that many then, of more a larger share.
+            assert!(grid.len() <= probes && grid.len() * 27 >= probes * 8, "{grid:?}");
             assert!((grid.position(grid.size - 1) - high).abs().max_element() < 1e-4);
             for index in 0..grid.len() {
                 assert_eq!(grid.index(grid.at(index)), index);
@@ -101,6 +116,20 @@ mod tests {
         for high in [Vec3::new(1.0, 0.0, 1.0), Vec3::ZERO] {
             let grid = ProbeGrid::over((Vec3::ZERO, high), 100);
             assert!(grid.len() >= 8 && grid.spacing.min_element() > 0.0);
+        }
+    }
+
+    #[test]
+    fn every_probe_of_an_inset_grid_stands_for_an_equal_cell() {
+        let (low, high) = (Vec3::new(-1.0, 0.0, 2.0), Vec3::new(7.0, 3.0, 6.0));
+        for inset in [0.0, 0.5] {
+            let grid = ProbeGrid::within((low, high), 300, inset);
+            assert!(grid.len() <= 300);
+            // As far apart along each axis as whole numbers allow: 8 by 3 by 4 m are 15 by 5 or 6 by 7 or 8 probes.
+            assert!(grid.spacing.max_element() < 1.5 * grid.spacing.min_element(), "{grid:?}");
+            // A few roundings of coordinates up to 7.
+            assert!((grid.low - low - grid.spacing * inset).length() < 1e-5);
+            assert!((high - grid.low - grid.width() - grid.spacing * inset).length() < 1e-5);
         }
     }
 

@@ -106,7 +106,7 @@ pub struct Shaded {
 /// Points to be shaded.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'a> {
-    /// The points.
+    /// The points. A normal of zero stands for a pixel without a surface, whose light nobody reads.
     pub points: &'a [Shaded],
     /// Pixels per row, where the points are those of a picture, row by row: for systems that filter on screen.
     pub width: Option<usize>,
@@ -115,8 +115,10 @@ pub struct Query<'a> {
 /// What a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Rays of probes, or into probes' maps.
+    /// Rays of probes.
     pub rays: u64,
+    /// Rays through probes' maps for points that were asked for since the last frame: they go with the points, not with the update.
+    pub query_rays: u64,
     /// Rays to lights from the surfaces that these met.
     pub shadow_rays: u64,
     /// Texels, or coefficients, that were written.
@@ -153,6 +155,7 @@ impl Feedback<'_> {
 impl AddAssign for Work {
     fn add_assign(&mut self, other: Self) {
         self.rays += other.rays;
+        self.query_rays += other.query_rays;
         self.shadow_rays += other.shadow_rays;
         self.texels += other.texels;
         self.probes += other.probes;

@@ -1,5 +1,7 @@
 //! Harness of the tests that cross crates: small bakes of built-in scenes, relit on the CPU.
 
+pub mod moving;
+
 use glam::Vec3;
 use localprt_precompute::{BakeOutput, BakeSettings, Progress, rays::RayCaster, settings::Transport};
 use localprt_runtime::{

@@ -1,7 +1,7 @@
 //! `precompute validate`: a baked file against path tracing; pictures, figures and a page out.
 
 use super::{to_json, write_text};
-use crate::cli::{Equal, Validate};
+use crate::cli::Validate;
 use localprt_formats::Baked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
@@ -15,7 +15,7 @@ use localprt_precompute::validate::path_tracer::PathBudget;
 use localprt_precompute::validate::report::Metrics;
 use localprt_precompute::validate::seen::SeenError;
 use localprt_precompute::validate::state::View;
-use localprt_precompute::validate::systems::{Budget, Selection, SystemFindings};
+use localprt_precompute::validate::systems::{Selection, SystemFindings};
 use localprt_precompute::validate::viewpoints::viewpoints;
 use localprt_precompute::validate::{self, Limits, MeasureSettings, State, StateFindings, Subject, Sweep};
 use localprt_scenes::{Camera, Lighting, Scene, SurfaceShading};
@@ -51,10 +51,7 @@ pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> 
         sweeps: &command.sweep,
         systems: Selection {
             systems: command.systems.clone().unwrap_or_default().0,
-            budget: match command.equal {
-                Equal::Probes => Budget::Probes,
-                Equal::Bytes => Budget::Bytes,
-            },
+            budget: command.equal,
             moving_lamp: command.moving_lamp,
         },
         failure_case: command.failure_case,

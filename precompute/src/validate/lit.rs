@@ -185,8 +185,7 @@ pub fn light<'a>(
     })
 }
 
-/// As an error of the bake.
-pub(super) fn refused(error: RelightError) -> BakeError {
+fn refused(error: RelightError) -> BakeError {
     BakeError::Scene { what: error.to_string(), place: None, remedy: error.help().into() }
 }
 

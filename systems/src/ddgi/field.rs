@@ -1,9 +1,9 @@
 //! The field of probes: the four steps of a frame, and the query.
 
 use super::Settings;
-use crate::irradiance_probes::{ProbeMaps, ProbeRays, far_m, grid_within, turned_directions};
+use crate::irradiance_probes::{ProbeMaps, ProbeRays, cage_weights, far_m, turned_directions};
 use crate::{Frame, ProbeGrid, Query, Shaded, System, Work, World};
-use glam::Vec3;
+use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -25,7 +25,7 @@ impl Ddgi {
 
     /// Within a box, with not more than so many probes.
     pub fn over(bounds: (Vec3, Vec3), probes: usize, settings: Settings, seed: u64) -> Self {
-        Self::new(grid_within(bounds, probes, settings.inset), settings, seed)
+        Self::new(ProbeGrid::within(bounds, probes, settings.inset), settings, seed)
     }
 
     /// Its grid.
@@ -36,26 +36,22 @@ impl Ddgi {
     /// Weights of the cage's probes for a point, with their places in the list of probes; not normalized.
     ///
     /// Source: the evaluation, sec. 3.4.1.
-    fn weights(&self, shaded: &Shaded) -> [(usize, f32); 8] {
+    fn weights(&self, shaded: &Shaded) -> impl Iterator<Item = (usize, f32)> {
         let point = &shaded.point;
         let bias = self.settings.normal_bias * self.grid.spacing.min_element();
         let tested = point.position + point.normal * bias;
-        self.grid.cage(point.position).probes().map(|(at, trilinear)| {
-            let (probe, maps) = (self.grid.position(at), &self.maps[self.grid.index(at)]);
-            let facing = (point.position, point.normal);
-            let weight =
-                self.settings.weights.of_probe(probe, facing, tested, |from_probe| maps.moments(from_probe), trilinear);
-            (self.grid.index(at), weight)
-        })
+        let probe = |at: UVec3| {
+            let place = self.grid.index(at);
+            Some((place, self.grid.position(at), &self.maps[place]))
+        };
+        cage_weights(self.settings.weights, self.grid.cage(point.position), point, tested, probe)
     }
 
     fn irradiance_at(&self, shaded: &Shaded) -> Vec3 {
         let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
         for (probe, weight) in self.weights(shaded) {
-            if weight > 0.0 {
-                sum += self.maps[probe].irradiance(shaded.point.normal) * weight;
-                weights += weight;
-            }
+            sum += self.maps[probe].irradiance(shaded.point.normal) * weight;
+            weights += weight;
         }
         // The maps hold mean radiance by cosine.
         sum * (PI / weights)
@@ -118,7 +114,7 @@ mod tests {
             let weights: Vec<f32> = floor
                 .flat_map(|position| {
                     let point = SurfacePoint { position, normal: Vec3::Y, geometric_normal: Vec3::Y };
-                    ddgi.weights(&Shaded::from_above(point)).map(|probe| probe.1)
+                    ddgi.weights(&Shaded::from_above(point)).map(|probe| probe.1).collect::<Vec<f32>>()
                 })
                 .collect();
             weights.iter().sum::<f32>() / weights.len() as f32
@@ -136,7 +132,7 @@ mod tests {
     #[test]
     fn a_probe_does_not_look_beyond_its_cells() {
         in_world(&furnace(0.0, 1.0), &Lighting::default(), |world| {
-            let grid = ProbeGrid { low: Vec3::ONE, spacing: Vec3::splat(0.2), size: glam::UVec3::splat(2) };
+            let grid = ProbeGrid { low: Vec3::ONE, spacing: Vec3::splat(0.2), size: UVec3::splat(2) };
             let mut ddgi = Ddgi::new(grid, Settings::default(), 3);
             settle(&mut ddgi, world, Feedback::Nothing, 1);
             // Walls are 0.8 m away and more, and 1.5 diagonals 0.52 m: all distances are that, up to the rounding of means.
@@ -147,7 +143,7 @@ mod tests {
 
     #[test]
     fn bytes_are_those_of_two_maps_of_four_byte_texels() {
-        let grid = ProbeGrid { low: Vec3::ZERO, spacing: Vec3::ONE, size: glam::UVec3::splat(4) };
+        let grid = ProbeGrid { low: Vec3::ZERO, spacing: Vec3::ONE, size: UVec3::splat(4) };
         let ddgi = Ddgi::new(grid, Settings::default(), 0);
         assert_eq!(ddgi.bytes(), 64 * 4 * (10 * 10 + 18 * 18));
         assert_eq!(super::super::KIND.probe_bytes, 4 * (MapSizes::PAPER.texels() as u64));

@@ -6,8 +6,8 @@ use super::optimizer::Object;
 use super::probe::State;
 use super::volume::Volume;
 use super::window::Window;
-use crate::irradiance_probes::{BackFaces, ProbeRays, far_m, grid_within, turned_directions};
-use crate::{Frame, Query, Shaded, System, Work, World};
+use crate::irradiance_probes::{BackFaces, ProbeRays, far_m, turned_directions};
+use crate::{Frame, ProbeGrid, Query, Shaded, System, Work, World};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -43,7 +43,7 @@ impl ScaledDdgi {
 
     /// With one volume within the bounds of a scene, of not more than so many probes.
     pub fn over(world: &World<'_>, probes: usize, settings: Settings, seed: u64) -> Self {
-        let window = Window::new(grid_within(world.bounds(), probes, settings.inset));
+        let window = Window::new(ProbeGrid::within(world.bounds(), probes, settings.inset));
         Self::new(world, vec![Volume::fixed(window, &settings)], Vec::new(), settings, seed)
     }
 

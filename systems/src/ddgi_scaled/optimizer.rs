@@ -10,8 +10,8 @@ const INSIDE: f32 = 0.25;
 ///
 /// Source: RTXGI; the paper names the limit and gives no number.
 const LIMIT: f32 = 0.45;
-/// Kept from the limit, metres (Fig. 8).
-const EPSILON_M: f32 = 1e-3;
+/// Kept from the limit, as a share of the way to the back: Fig. 8 subtracts it from a factor, and calls it "millimeter scale".
+const EPSILON: f32 = 1e-3;
 /// Length of a step away from surfaces, and how close a surface is to cause one, in least spacings.
 ///
 /// Differs from the paper: Fig. 8 steps 0.2 m whatever the spacing, and from every probe that sees two sides. Its text moves those with
@@ -111,7 +111,7 @@ impl Sight {
                 let room = limit[axis] - offset[axis] * back[axis].signum();
                 if back[axis] == 0.0 { f32::INFINITY } else { room / back[axis].abs() }
             };
-            let scale = fits(0).min(fits(1)).min(fits(2)) - EPSILON_M;
+            let scale = fits(0).min(fits(1)).min(fits(2)) - EPSILON;
             return if scale > 1.0 { offset + back * scale } else { offset };
         }
         let (Some((near, near_dir)), Some((far, far_dir))) = (self.closest_front, self.farthest_front) else {

@@ -7,7 +7,7 @@ use crate::irradiance_probes::{MapSizes, Weights};
 pub struct Settings {
     /// Rays of a probe in a frame. The paper gives none; as in DDGI.
     pub rays: u32,
-    /// Rays of a newly awake or newly vigilant probe, for its first values (sec. 6.3, optional there).
+    /// Rays of a newly awake or newly vigilant probe, for its first values: "a large number" (sec. 6.3, optional there).
     pub first_rays: u32,
     /// The `alpha` of Eq. (1), for irradiance and distance. The paper gives none; Majercik et al. 2019: 0.97.
     pub hysteresis: f32,
@@ -19,6 +19,12 @@ pub struct Settings {
     pub weights: Weights,
     /// The self-shadow bias `B` of Eq. (2).
     pub self_shadow_bias: f32,
+    /// The cage and its trilinear weights are those of the biased point, too.
+    ///
+    /// Differs from the paper, which takes the biased point "for the visibility test"; its authors' RTXGI takes it for both. Otherwise a
+    /// probe that was moved through a thin wall has nearly all the weight of points on its other side: see
+    /// `a_moved_probe_does_not_light_the_room_that_it_left`.
+    pub biased_cage: bool,
     /// Distances to black backs are shortened (sec. 4.1).
     pub shortens_backs: bool,
     /// Exponent of the perceptual encoding (Fig. 4); 1 stores light as it is.
@@ -31,7 +37,7 @@ pub struct Settings {
     pub events: bool,
     /// Moves of a probe before it is classified (sec. 5); 0 leaves all on the grid.
     pub moves: u32,
-    /// Probes that light no surface sleep (sec. 6).
+    /// Probes that light no surface sleep, and those that are inside of something are off (sec. 6).
     pub sleeps: bool,
     /// Volumes that follow the camera are blended around it, not around their own middle (sec. 7.3).
     pub blends_at_camera: bool,
@@ -43,12 +49,13 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             rays: 128,
-            first_rays: 128,
+            first_rays: 1024,
             hysteresis: 0.97,
             distance_power: 50,
             sizes: MapSizes::PAPER,
             weights: Weights::default(),
             self_shadow_bias: 0.3,
+            biased_cage: true,
             shortens_backs: true,
             exponent: 5.0,
             white: 1.0,

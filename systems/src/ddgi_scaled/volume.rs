@@ -4,9 +4,9 @@ use super::Settings;
 use super::optimizer::{Object, Sight};
 use super::probe::{Probe, State};
 use super::window::Window;
-use crate::irradiance_probes::ProbeMaps;
+use crate::irradiance_probes::{ProbeMaps, cage_weights};
 use crate::{Shaded, Work, World};
-use glam::Vec3;
+use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
 /// Probes of one spacing. Lists are by slot of the window.
@@ -92,18 +92,16 @@ impl Volume {
     /// Source: sec. 2.2, Fig. 4.
     pub fn mean_radiance(&self, shaded: &Shaded, dir: Vec3, settings: &Settings) -> Option<Vec3> {
         let grid = self.window.grid();
-        let (point, normal) = (shaded.point.position, shaded.point.normal);
         let tested = settings.tested_point(shaded, grid.spacing);
-        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-        for (at, trilinear) in grid.cage(point).probes() {
+        let cage = grid.cage(if settings.biased_cage { tested } else { shaded.point.position });
+        let probe = |at: UVec3| {
             let slot = self.window.slot(at);
-            if !self.probes[slot].state.is_lit() {
-                continue;
-            }
-            let (probe, maps) = (self.window.position(at) + self.probes[slot].offset, &self.maps[slot]);
-            let moments = |from_probe| maps.moments(from_probe);
-            let weight = settings.weights.of_probe(probe, (point, normal), tested, moments, trilinear);
-            sum += settings.root(maps.irradiance(dir)) * weight;
+            let probe = &self.probes[slot];
+            probe.state.is_lit().then(|| (slot, self.window.position(at) + probe.offset, &self.maps[slot]))
+        };
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for (slot, weight) in cage_weights(settings.weights, cage, &shaded.point, tested, probe) {
+            sum += settings.root(self.maps[slot].irradiance(dir)) * weight;
             weights += weight;
         }
         (weights > 0.0).then(|| {

@@ -9,10 +9,8 @@ use glam::{IVec3, UVec3, Vec3};
 /// A grid whose probes have slots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Where it began.
-    origin: Vec3,
-    spacing: Vec3,
-    size: UVec3,
+    /// The grid where it began.
+    first: ProbeGrid,
     /// Cells by which it has moved. Its remainder by the size is the paper's phase offset.
     moved: IVec3,
 }
@@ -20,7 +18,7 @@ pub struct Window {
 impl Window {
     /// At the place of a grid.
     pub fn new(grid: ProbeGrid) -> Self {
-        Self { origin: grid.low, spacing: grid.spacing, size: grid.size, moved: IVec3::ZERO }
+        Self { first: grid, moved: IVec3::ZERO }
     }
 
     /// Around a point.
@@ -30,29 +28,29 @@ impl Window {
 
     /// The grid where it is now.
     pub fn grid(&self) -> ProbeGrid {
-        ProbeGrid { low: self.origin + self.spacing * self.moved.as_vec3(), spacing: self.spacing, size: self.size }
+        ProbeGrid { low: self.position(UVec3::ZERO), ..self.first }
     }
 
     /// Where a probe of the grid stands, metres: to the last bit the same for as long as it keeps its slot.
     pub fn position(&self, at: UVec3) -> Vec3 {
-        self.origin + self.spacing * (at.as_ivec3() + self.moved).as_vec3()
+        self.first.low + self.first.spacing * (at.as_ivec3() + self.moved).as_vec3()
     }
 
     /// Its middle, metres.
     pub fn center(&self) -> Vec3 {
-        self.grid().low + self.spacing * (self.size - 1).as_vec3() * 0.5
+        self.grid().low + self.first.width() * 0.5
     }
 
     /// Place in memory of a probe of the grid.
     pub fn slot(&self, at: UVec3) -> usize {
-        let turned = (at.as_ivec3() + self.moved).rem_euclid(self.size.as_ivec3()).as_uvec3();
+        let turned = (at.as_ivec3() + self.moved).rem_euclid(self.first.size.as_ivec3()).as_uvec3();
         self.grid().index(turned)
     }
 
     /// Probe of the grid at a place in memory.
     pub fn at(&self, slot: usize) -> UVec3 {
         let turned = self.grid().at(slot).as_ivec3();
-        (turned - self.moved).rem_euclid(self.size.as_ivec3()).as_uvec3()
+        (turned - self.moved).rem_euclid(self.first.size.as_ivec3()).as_uvec3()
     }
 
     /// Follows a point: while it is farther from the middle than a spacing along an axis, the plane farthest behind leapfrogs to the
@@ -61,13 +59,13 @@ impl Window {
         let before = self.moved;
         for axis in 0..3 {
             // Cells beyond the first, rounded up to whole ones.
-            let off = (point[axis] - self.center()[axis]) / self.spacing[axis];
+            let off = (point[axis] - self.center()[axis]) / self.first.spacing[axis];
             self.moved[axis] += (off.abs() - 1.0).max(0.0).ceil().copysign(off) as i32;
         }
         let by = self.moved - before;
         let is_new = |slot: &usize| {
             let old = self.at(*slot).as_ivec3() + by;
-            old.cmplt(IVec3::ZERO).any() || old.cmpge(self.size.as_ivec3()).any()
+            old.cmplt(IVec3::ZERO).any() || old.cmpge(self.first.size.as_ivec3()).any()
         };
         if by == IVec3::ZERO { Vec::new() } else { (0..self.grid().len()).filter(is_new).collect() }
     }
@@ -90,7 +88,7 @@ mod tests {
                 assert_eq!(window.slot(window.at(slot)), slot);
             }
             // The middle is within a spacing of what it follows.
-            let off = ((point - window.center()) / window.spacing).abs().max_element();
+            let off = ((point - window.center()) / window.first.spacing).abs().max_element();
             assert!(off <= 1.0 + 1e-4, "{off}");
         }
     }

@@ -109,6 +109,7 @@ impl<'a> FileLight<'a> {
         let baked = self.relighter.baked();
         Work {
             rays: 0,
+            query_rays: 0,
             shadow_rays: (self.texels.samples.len() * lighting.lights.len()) as u64,
             texels: (baked.n_receivers() + baked.n_probes() * baked.n_sh()) as u64,
             probes: baked.n_probes() as u64,
@@ -140,16 +141,6 @@ impl System for FileLight<'_> {
 
     /// What relighting reads every frame: transport, near light and relight rays.
     fn bytes(&self) -> u64 {
-        let view = self.relighter.baked().view();
-        let rays = size_of_val(view.ray_dirs)
-            + size_of_val(view.ray_sh)
-            + size_of_val(view.ray_uv)
-            + size_of_val(view.ray_level)
-            + size_of_val(view.ray_distance);
-        // Pairs of halves.
-        4 * view.blocks.total(|block| block.projection_pairs)
-            + 4 * view.blocks.total(|block| block.reconstruction_pairs)
-            + view.blocks.near_byte_count(view.metadata.n_k())
-            + rays as u64
+        self.relighter.baked().view().transport_bytes().total()
     }
 }

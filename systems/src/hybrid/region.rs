@@ -2,7 +2,6 @@
 
 use crate::ProbeGrid;
 use crate::ddgi_scaled::Object;
-use crate::irradiance_probes::grid_within;
 use glam::Vec3;
 use localprt_scenes::Scene;
 
@@ -51,7 +50,7 @@ impl Region {
     /// Probes for it, not more than so many, in the middles of equal cells.
     pub fn grid(&self, probes: usize) -> ProbeGrid {
         let (center, half) = (self.center(), self.extent * 0.5);
-        grid_within((center - half, center + half), probes, 0.5)
+        ProbeGrid::within((center - half, center + half), probes, 0.5)
     }
 
     /// Share of the change at a point: 1 inside, falling to 0 over the last cell before a side. Sides at the bounds have nothing

@@ -22,39 +22,33 @@ pub use rays::{BackFaces, ProbeRay, ProbeRays, first_hit, turned_directions};
 pub use weights::{Weights, chebyshev, crush, wrap};
 
 use crate::ProbeGrid;
-use glam::Vec3;
+use crate::probe_grid::Cage;
+use glam::{UVec3, Vec3};
+use localprt_scenes::SurfacePoint;
 
 /// Distances beyond so many diagonals of a cell count as that far: the probe is not asked about points out there.
 ///
 /// Source: the code of Majercik et al. 2019.
 const FAR_DIAGONALS: f32 = 1.5;
 
-/// A grid of not more than so many probes (but 8) whose outermost stand `inset` spacings within a box. With 0 they stand on its faces.
-pub fn grid_within((low, high): (Vec3, Vec3), probes: usize, inset: f32) -> ProbeGrid {
-    let on_faces = ProbeGrid::over((low, high), probes);
-    let steps = (on_faces.size - 1).as_vec3();
-    let spacing = on_faces.spacing * steps / (steps + 2.0 * inset);
-    ProbeGrid { low: low + spacing * inset, spacing, size: on_faces.size }
+/// Weights of the probes of a cage for a surface point, with their places in the list of probes; not normalized. `tested` is the point
+/// whose visibility is asked for; `probe` gives place, position and maps of a probe of the grid, or nothing if it does not count.
+pub fn cage_weights<'a>(
+    weights: Weights,
+    cage: Cage,
+    point: &SurfacePoint,
+    tested: Vec3,
+    probe: impl Fn(UVec3) -> Option<(usize, Vec3, &'a ProbeMaps)>,
+) -> impl Iterator<Item = (usize, f32)> {
+    let surface = (point.position, point.normal);
+    cage.probes().into_iter().filter_map(move |(at, trilinear)| {
+        let (place, position, maps) = probe(at)?;
+        let weight = weights.of_probe(position, surface, tested, |from_probe| maps.moments(from_probe), trilinear);
+        (weight > 0.0).then_some((place, weight))
+    })
 }
 
 /// The distance beyond which a probe of the grid does not look, metres.
 pub fn far_m(grid: &ProbeGrid) -> f32 {
     FAR_DIAGONALS * grid.spacing.length()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_probe_of_an_inset_grid_stands_for_an_equal_cell() {
-        let (low, high) = (Vec3::new(-1.0, 0.0, 2.0), Vec3::new(7.0, 3.0, 6.0));
-        for inset in [0.0, 0.5] {
-            let grid = grid_within((low, high), 300, inset);
-            assert!(grid.len() <= 300);
-            // A few roundings of coordinates up to 7.
-            assert!((grid.low - low - grid.spacing * inset).length() < 1e-5);
-            assert!((high - grid.position(grid.size - 1) - grid.spacing * inset).length() < 1e-5);
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Scenes and measures for the tests of the systems of irradiance probes.
 
-use crate::test_worlds::{furnace, lit_plane};
-use crate::{ProbeGrid, Query, Shaded, System, World};
+use crate::test_worlds::{furnace, lit_plane, settle};
+use crate::{Feedback, ProbeGrid, Query, Shaded, System, World};
 use glam::{UVec3, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform};
 use localprt_scenes::{Lighting, MaterialOverride, Mesh, Scene, Sky, SurfacePoint};
@@ -87,6 +87,13 @@ pub(crate) fn rooms() -> (Vec<Shaded>, Vec<Shaded>) {
         dark.push(Shaded::from_above(SurfacePoint { position, normal: Vec3::X, geometric_normal: Vec3::X }));
     }
     (lit, dark)
+}
+
+/// Irradiance of the dark room as a share of the lit one's, after some frames of all bounces.
+pub(crate) fn leak(system: &mut dyn System, world: &World<'_>) -> f32 {
+    settle(system, world, Feedback::Own, 3);
+    let (lit, dark) = rooms();
+    mean(system, world, &dark) / mean(system, world, &lit)
 }
 
 /// Probes about 0.8 m apart, none of them in the plane of the wall: cages there have both rooms' probes.

@@ -47,8 +47,8 @@ pub struct LightField {
     histories: Histories,
     /// Frames so far.
     frames: u64,
-    /// Rays since the last frame.
-    rays: AtomicU64,
+    /// Rays for points since the last frame.
+    query_rays: AtomicU64,
     last_work: Work,
 }
 
@@ -60,8 +60,7 @@ impl LightField {
         let texels = geometry.grid.len() * geometry.texels();
         Self {
             radiance: vec![Vec3::ZERO; texels],
-            // Those that the maps were made with belong to the first frame.
-            rays: AtomicU64::new(texels as u64),
+            query_rays: AtomicU64::new(0),
             prefiltered,
             geometry,
             settings,
@@ -118,7 +117,7 @@ impl LightField {
 
     /// Irradiance of all points by so many rays each.
     fn all_gathered(&self, world: &World<'_>, points: &[Shaded], rays: u32, frame: u64) -> Vec<Vec3> {
-        self.rays.fetch_add(points.len() as u64 * u64::from(rays), Ordering::Relaxed);
+        self.query_rays.fetch_add(points.len() as u64 * u64::from(rays), Ordering::Relaxed);
         let stream = |index: usize| counter_hash(LAMBERTIAN, frame, index as u64);
         let points = points.par_iter().enumerate();
         points.map(|(index, shaded)| self.gathered(world, &shaded.point, rays, stream(index))).collect()
@@ -128,7 +127,7 @@ impl LightField {
     /// per point and frame, averaged and filtered as sec. 5.1 says, with its narrower filters.
     pub fn glossy(&self, world: &World<'_>, query: &Query<'_>, power: f32) -> Vec<Vec3> {
         let trace = || {
-            self.rays.fetch_add(query.points.len() as u64, Ordering::Relaxed);
+            self.query_rays.fetch_add(query.points.len() as u64, Ordering::Relaxed);
             let points = query.points.par_iter().enumerate();
             points.map(|(index, shaded)| self.mirrored(world, shaded, power, index)).collect()
         };
@@ -192,14 +191,13 @@ impl LightField {
 }
 
 impl System for LightField {
-    /// Lights every texel and filters; no rays but those to lights. Its work counts the rays that were traced for points since the frame
-    /// before too, and in the first frame those that made the maps.
+    /// Lights every texel and filters; no rays but those to lights.
     fn update(&mut self, frame: &Frame<'_>) -> Work {
         self.histories.keep(self.frames);
         self.frames += 1;
         // The same light on the same surfaces.
         if frame.still && self.last_work.texels > 0 {
-            return Work { rays: std::mem::take(self.rays.get_mut()), ..self.last_work };
+            return Work { query_rays: std::mem::take(self.query_rays.get_mut()), ..self.last_work };
         }
         let lit: Vec<(Vec<Vec3>, u64)> =
             (0..self.probes()).into_par_iter().map(|probe| self.lit(frame, probe)).collect();
@@ -207,7 +205,9 @@ impl System for LightField {
         self.radiance = lit.into_iter().flat_map(|probe| probe.0).collect();
         self.prefiltered.filter(&self.geometry, &self.radiance);
         self.last_work = Work {
-            rays: std::mem::take(self.rays.get_mut()),
+            // Those that the maps were made with were traced before the first frame.
+            rays: 0,
+            query_rays: std::mem::take(self.query_rays.get_mut()),
             shadow_rays,
             texels: self.radiance.len() as u64 + self.prefiltered.texels(),
             probes: self.probes() as u64,

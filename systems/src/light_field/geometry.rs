@@ -41,7 +41,7 @@ impl Geometry {
     pub fn new(world: &World<'_>, setup: &Setup<'_>, settings: &Settings) -> Self {
         assert!(settings.side.is_multiple_of(settings.coarse), "the second level has whole texels");
         let bounds = world.bounds();
-        let grid = inside(ProbeGrid::over(bounds, setup.probes));
+        let grid = ProbeGrid::within(bounds, setup.probes, 0.5);
         let map = OctahedralMap { side: settings.side };
         let side = settings.side;
         let hits: Vec<Option<SurfaceHit>> = (0..grid.len() * side)
@@ -85,13 +85,6 @@ impl Geometry {
         let at = probe * self.texels() + texel;
         self.seen[at].is_none() && self.distances[at].is_finite()
     }
-}
-
-/// The grid with as many probes, each in the middle of its part of the box. The paper says "inside the scene's bounding box"; probes on
-/// its sides would stand in the walls of a room.
-fn inside(grid: ProbeGrid) -> ProbeGrid {
-    let spacing = grid.spacing * (grid.size - 1).as_vec3() / grid.size.as_vec3();
-    ProbeGrid { low: grid.low + 0.5 * spacing, spacing, ..grid }
 }
 
 /// The least of squares of `coarse` texels per side.

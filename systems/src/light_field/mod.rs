@@ -36,6 +36,8 @@
 //! - Black backs of one-sided surfaces have no thickness behind them: what is there is free space. Otherwise rays that leave an object
 //!   with a probe in it would be black.
 //! - A ray around a whole cage without an answer goes around again if it got on by a centimetre; the paper leaves that open.
+//! - Glossy light is there, but no figure of the comparison holds it: scenes are diffuse. Later bounces of all three kinds come from the
+//!   prefiltered maps.
 //! - Averages over frames are of points, not reprojected: a view that moves starts anew. Points that are no picture have this average and
 //!   no spatial filter.
 //! - The bilateral filter is taken in two dimensions; that of the paper's engine goes along rows and then columns.

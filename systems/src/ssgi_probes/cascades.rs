@@ -12,41 +12,56 @@ const FADE_CELLS: f32 = 1.0;
 
 /// Nested grids, finest first, of the same number of probes each.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cascades(Vec<ProbeGrid>);
+pub struct Cascades {
+    grids: Vec<ProbeGrid>,
+    /// Where the last one stands, if no grid leaves it.
+    within: Option<ProbeGrid>,
+}
 
 impl Cascades {
     /// `count` grids around `middle`, with not more than so many probes together (but 8 each). The last one reaches `reach` metres to
-    /// both sides along each axis.
+    /// both sides of its own middle along each axis, which is within half a spacing of the eye.
     pub fn new(middle: Vec3, reach: Vec3, probes: usize, count: usize) -> Self {
-        let coarsest = ProbeGrid::over((-reach, reach), probes / count.max(1));
-        let finer = |steps: usize| ProbeGrid { spacing: coarsest.spacing / (1u64 << steps) as f32, ..coarsest };
-        let mut cascades = Self((0..count.max(1)).rev().map(finer).collect());
+        let mut cascades =
+            Self { grids: nested(ProbeGrid::over((-reach, reach), probes / count.max(1)), count), within: None };
         cascades.follow(middle);
+        cascades
+    }
+
+    /// The same with grids that stay within a box: the last one fills it, each probe in the middle of its part, and the others are as near
+    /// to the eye as they get without leaving it.
+    pub fn within(bounds: (Vec3, Vec3), probes: usize, count: usize) -> Self {
+        let last = ProbeGrid::within(bounds, probes / count.max(1), 0.5);
+        let mut cascades = Self { grids: nested(last, count), within: Some(last) };
+        cascades.follow((bounds.0 + bounds.1) * 0.5);
         cascades
     }
 
     /// Moves every grid to the multiple of its spacing that is next to the eye.
     pub fn follow(&mut self, eye: Vec3) {
-        for grid in &mut self.0 {
+        for grid in &mut self.grids {
             let middle = (eye / grid.spacing).round() * grid.spacing;
-            grid.low = middle - grid.spacing * (grid.size - 1).as_vec3() * 0.5;
+            grid.low = middle - grid.width() * 0.5;
+            if let Some(most) = self.within {
+                grid.low = grid.low.clamp(most.low, most.low + most.width() - grid.width());
+            }
         }
     }
 
     /// Number of probes.
     pub fn probes(&self) -> usize {
-        self.0.iter().map(ProbeGrid::len).sum()
+        self.grids.iter().map(ProbeGrid::len).sum()
     }
 
     /// Grids, finest first.
     pub fn grids(&self) -> &[ProbeGrid] {
-        &self.0
+        &self.grids
     }
 
     /// Where a probe stands, metres: at its vertex, or, with a key for random numbers, anywhere in the cell around it.
     pub fn position(&self, probe: usize, jitter: Option<u64>) -> Vec3 {
-        let each = self.0[0].len();
-        let grid = &self.0[probe / each];
+        let each = self.grids[0].len();
+        let grid = &self.grids[probe / each];
         let within = |axis: u64, key| counter_uniform(key, probe as u64, axis) as f32 - 0.5;
         let offset = jitter.map_or(Vec3::ZERO, |key| Vec3::new(within(0, key), within(1, key), within(2, key)));
         grid.position(grid.at(probe % each)) + offset * grid.spacing
@@ -56,8 +71,8 @@ impl Cascades {
     /// across its border the next. The last one holds all that is left, by the probes at its border where it does not reach.
     pub fn around(&self, point: Vec3, mut probe: impl FnMut(usize, f32)) {
         let mut left = 1.0;
-        for (number, grid) in self.0.iter().enumerate() {
-            let is_last = number + 1 == self.0.len();
+        for (number, grid) in self.grids.iter().enumerate() {
+            let is_last = number + 1 == self.grids.len();
             let share = left * if is_last { 1.0 } else { inside(grid, point) };
             left -= share;
             if share > 0.0 {
@@ -67,6 +82,12 @@ impl Cascades {
             }
         }
     }
+}
+
+/// Grids of as many probes, of which the last is given and every other half as wide as the next.
+fn nested(last: ProbeGrid, count: usize) -> Vec<ProbeGrid> {
+    let finer = |steps: usize| ProbeGrid { spacing: last.spacing / (1u64 << steps) as f32, ..last };
+    (0..count.max(1)).rev().map(finer).collect()
 }
 
 /// 1 well inside of a grid, 0 outside, in between over the last cell.
@@ -134,6 +155,21 @@ mod tests {
         // A step of 2 cm in a fade of one cell.
         let steepest = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
         assert!(steepest < 1.01 * 0.02 / cascades.grids()[0].spacing.x.min(0.25 * 8.0), "{steepest}");
+    }
+
+    #[test]
+    fn grids_within_a_box_fill_it_and_stay_there() {
+        let (low, high) = (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
+        let mut cascades = Cascades::within((low, high), 125, 2);
+        for eye in [Vec3::new(0.0, 1.0, 3.9), Vec3::new(0.3, 0.4, -0.2), Vec3::splat(-50.0)] {
+            cascades.follow(eye);
+            let [fine, coarse] = [cascades.grids()[0], cascades.grids()[1]];
+            // Roundings of coordinates up to 2.
+            assert!((coarse.low - coarse.spacing * 0.5 - low).abs().max_element() < 1e-6);
+            assert!((coarse.low + coarse.width() + coarse.spacing * 0.5 - high).abs().max_element() < 1e-6);
+            let ends = fine.low + fine.width();
+            assert!(fine.low.cmpge(coarse.low - 1e-6).all() && ends.cmple(coarse.low + coarse.width() + 1e-6).all());
+        }
     }
 
     #[test]

@@ -37,6 +37,9 @@
 //! - Coefficients are rounded to fp16 once a frame; sums are f32.
 //! - Probes are read across the borders of cascades without a seam, about which the paper says nothing.
 //! - Black backs of one-sided surfaces are black samples, where a rasterizer would see through them.
+//! - Eq. (10) has the distance along the ray for its depth z: with the depth along the camera's axis areas would be too small off it.
+//! - In comparisons grids stay within the scene's box ([`Settings::within_scene`]): around a camera that looks in from outside, half of the
+//!   probes and more would stand where nobody reads them, or in walls.
 //! - A frame without a camera is seen by those of the setup in turn, and its grids stay around the middle of the scene. Without any, the
 //!   screen is empty, and only sources are injected.
 //!
@@ -76,7 +79,7 @@ pub const SSGI_PROBES: Kind = Kind {
     probe_bytes: PROBE_BYTES,
     follows_camera: true,
     averaged_frames: 0,
-    prepare: |world, setup| Box::new(SsgiProbes::new(world, setup, Settings::default())),
+    prepare: |world, setup| Box::new(SsgiProbes::new(world, setup, Settings::COMPARED)),
 };
 
 /// The same by the error itself, which the paper derives and then simplifies: [`Rule::Error`].
@@ -88,9 +91,8 @@ pub const SSGI_PROBES_ERROR: Kind = Kind {
     follows_camera: true,
     averaged_frames: 0,
     prepare: |world, setup| {
-        let settings = Settings::default();
-        let filter = Filter { rule: Rule::Error, ..settings.filter };
-        Box::new(SsgiProbes::new(world, setup, Settings { filter, ..settings }))
+        let filter = Filter { rule: Rule::Error, ..Settings::COMPARED.filter };
+        Box::new(SsgiProbes::new(world, setup, Settings { filter, ..Settings::COMPARED }))
     },
 };
 
@@ -102,9 +104,7 @@ pub const SSGI_PROBES_OCCLUSION: Kind = Kind {
     probe_bytes: PROBE_BYTES,
     follows_camera: true,
     averaged_frames: 0,
-    prepare: |world, setup| {
-        Box::new(SsgiProbes::new(world, setup, Settings { occlusion: true, ..Settings::default() }))
-    },
+    prepare: |world, setup| Box::new(SsgiProbes::new(world, setup, Settings { occlusion: true, ..Settings::COMPARED })),
 };
 
 /// What the user of the method sets.
@@ -118,27 +118,43 @@ pub struct Settings {
     pub sources: SourceSettings,
     /// Nested grids.
     pub cascades: usize,
+    /// Grids stay within the scene's box, half a cell from its sides, wherever the camera is; otherwise they are around the camera alone.
+    pub within_scene: bool,
     /// Whether probes are updated from anywhere in their cells.
     pub jitter: bool,
     /// Whether rays ask if a probe sees a sample.
     pub occlusion: bool,
 }
 
-impl Default for Settings {
+impl Settings {
     /// The paper's 20 x 20 samples. It leaves the other numbers open: a picture of 1080 rows; a hysteresis with which light that is seen
-    /// from a quarter of all directions has a memory of 40 frames, about that of DDGI; two cascades, the inner one about as wide as the
-    /// scene; as many samples of sources as are cheap beside 400; no preference for sources or screen.
+    /// from a quarter of all directions has a memory of 40 frames, about that of DDGI; two cascades; as many samples of sources as are
+    /// cheap beside 400; no preference for sources or screen.
     ///
     /// Of the two rules the paper's sec. 5.1 tells the one and runs the other, [`Rule::Filter`].
+    pub const PAPER: Self = Self {
+        frame_buffer: FrameBuffer { size: UVec2::new(1920, 1080), tiles: UVec2::splat(20) },
+        filter: Filter { rule: Rule::Filter, hysteresis: 0.1 },
+        sources: SourceSettings { light_samples: 16, sky_samples: 16, weight: 1.0 },
+        cascades: 2,
+        within_scene: false,
+        jitter: true,
+        occlusion: false,
+    };
+
+    /// For comparisons: no probe where nobody reads it, or in a wall; a screen of the shape of the views that are compared; and as "magic
+    /// number" (sec. 5.2) the one that is about right for an area light beside a floor.
+    pub const COMPARED: Self = Self {
+        frame_buffer: FrameBuffer { size: UVec2::new(1440, 1080), ..Self::PAPER.frame_buffer },
+        sources: SourceSettings { weight: 0.2, ..Self::PAPER.sources },
+        within_scene: true,
+        ..Self::PAPER
+    };
+}
+
+impl Default for Settings {
     fn default() -> Self {
-        Self {
-            frame_buffer: FrameBuffer { size: UVec2::new(1920, 1080), tiles: UVec2::splat(20) },
-            filter: Filter { rule: Rule::Filter, hysteresis: 0.1 },
-            sources: SourceSettings { light_samples: 16, sky_samples: 16, weight: 1.0 },
-            cascades: 2,
-            jitter: true,
-            occlusion: false,
-        }
+        Self::PAPER
     }
 }
 
@@ -165,14 +181,18 @@ enum Purpose {
 }
 
 impl SsgiProbes {
-    /// Probes in grids of which the widest covers the scene from the setup's cameras and from its middle.
+    /// Probes in grids of which the widest covers the scene: from where it is, or, if grids are around the camera alone, from the setup's
+    /// cameras and from its middle, up to half a spacing.
     pub fn new(world: &World<'_>, setup: &Setup<'_>, settings: Settings) -> Self {
         let (low, high) = world.bounds();
         let middle = (low + high) * 0.5;
         let reach = |eye: Vec3| (eye - low).abs().max((high - eye).abs());
         let eyes = setup.cameras.iter().map(|camera| camera.to_world.w_axis.truncate());
         let reach = eyes.fold(reach(middle), |most, eye| most.max(reach(eye)));
-        let cascades = Cascades::new(middle, reach, setup.probes, settings.cascades);
+        let cascades = match settings.within_scene {
+            true => Cascades::within((low, high), setup.probes, settings.cascades),
+            false => Cascades::new(middle, reach, setup.probes, settings.cascades),
+        };
         let coefficients = vec![Coefficients::default(); cascades.probes()];
         let cameras = setup.cameras.to_vec();
         Self { settings, seed: setup.seed, basis: Basis::new(DEGREE), cascades, cameras, middle, coefficients }

@@ -17,7 +17,6 @@ use crate::{
     },
 };
 use glam::Vec3;
-use std::f32::consts::PI;
 
 /// A quantity of every receiver.
 struct Quantity {
@@ -317,10 +316,7 @@ fn sweep_pictures(
     index: usize,
     folder: &Folder,
 ) -> Result<Vec<NamedImage>, OutputError> {
-    let gray = |indirect: Vec3, light: &PixelLight| {
-        if light.albedo == Vec3::ZERO { Vec3::ZERO } else { indirect / (2.0 * PI) }
-    };
-    let reference = view.light.picture(|light| gray(light.reference(), light));
+    let reference = view.light.picture(|light| light.gray(light.reference()));
     let ev = Exposure::Auto.ev(&reference.pixels);
     let all: Vec<f32> = sweep.points.iter().flat_map(|point| point.norms.1.iter().copied()).collect();
     let range = nice_range(&all, 99.0);
@@ -331,7 +327,7 @@ fn sweep_pictures(
             images.push(NamedImage { name: format!("{} = {}", sweep.option, point.value), file, caption });
             Ok(())
         };
-        let mut light = view.light.picture(|light| gray(sampled(&point.map, light), light));
+        let mut light = view.light.picture(|light| light.gray(sampled(&point.map, light)));
         let developed = Rgb8Image { width: light.width, height: light.height, pixels: light.develop(Exposure::Ev(ev)) };
         add("light", &developed, format!("nrmse {}", percent(point.error.nrmse)))?;
         for (pixel, reference) in light.pixels.iter_mut().zip(&reference.pixels) {

@@ -18,10 +18,7 @@ use crate::{
 use glam::Vec3;
 use localprt_runtime::CoverageMap;
 use localprt_scenes::luminance;
-use std::f32::consts::PI;
 
-/// Albedo of every surface in pictures of light alone.
-const GRAY: f32 = 0.5;
 /// What stands for no value in heat maps.
 pub(super) const NOTHING: [u8; 3] = [96, 96, 96];
 
@@ -184,12 +181,11 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     });
 
     // Indirect light alone.
-    let gray = |indirect: Vec3, albedo: Vec3| if albedo == Vec3::ZERO { Vec3::ZERO } else { indirect * GRAY / PI };
-    let reference_light = view.light.picture(|light| gray(light.reference(), light.albedo));
+    let reference_light = view.light.picture(|light| light.gray(light.reference()));
     let ev = Exposure::Auto.ev(&reference_light.pixels);
     let mut lights = Vec::new();
     for (method, found) in state.methods.iter() {
-        let picture = view.light.picture(|light| gray(sampled(&found.map, light), light.albedo));
+        let picture = view.light.picture(|light| light.gray(sampled(&found.map, light)));
         let file = folder.picture(&format!("{name}-light-{}", method.label), &develop(&picture, ev))?;
         lights.push(NamedImage { name: method.label.into(), file, caption: method.caption.into() });
     }

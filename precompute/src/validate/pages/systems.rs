@@ -7,7 +7,7 @@ use crate::{
     picture::{Exposure, Picture},
     validate::{
         methods::COMPRESSED,
-        path_tracer::PixelLight,
+        path_tracer::{GRAY, PixelLight},
         state::{View, sampled},
         systems::SystemFindings,
     },
@@ -16,8 +16,6 @@ use glam::Vec3;
 use localprt_scenes::luminance;
 use std::f32::consts::PI;
 
-/// Albedo of every surface in the pictures.
-const GRAY: f32 = 0.5;
 /// Pictures in a row.
 const COLUMNS: u32 = 4;
 /// Share of the mean light at which the color of an error is full.
@@ -122,11 +120,7 @@ fn light(context: &Context<'_>, system: &SystemFindings, view: &View, number: us
 }
 
 fn gray(view: &View, light: &[Vec3]) -> Picture {
-    let mut lit = view.smooth.clone();
-    for (ray, &light) in lit.rays.iter_mut().zip(light) {
-        ray.indirect = [light; 2];
-    }
-    lit.picture(|ray| if ray.albedo == Vec3::ZERO { Vec3::ZERO } else { ray.reference() * GRAY / PI })
+    view.smooth.lit_by(light).picture(|ray| ray.gray(ray.reference()))
 }
 
 fn picture(folder: &Folder, file: &str, name: &str, picture: &Picture, ev: f32) -> Result<NamedImage, OutputError> {

@@ -20,7 +20,7 @@ mod sky;
 mod tests;
 
 pub use estimate::{Estimates, PathBudget};
-pub use picture::{PixelLight, ViewLight, ViewSettings};
+pub use picture::{GRAY, PixelLight, ViewLight, ViewSettings};
 
 use crate::{
     emitters::Emitters,

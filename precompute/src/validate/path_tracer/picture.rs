@@ -15,6 +15,9 @@ use std::f32::consts::PI;
 /// straight into its edges, where a point belongs to one wall and its light may come from behind the other.
 const CENTER: [f32; 2] = [0.43, 0.52];
 
+/// Albedo of every surface in pictures of indirect light alone.
+pub const GRAY: f32 = 0.5;
+
 /// Size and smoothness of a reference picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewSettings {
@@ -83,7 +86,24 @@ impl ViewLight {
     }
 }
 
+impl ViewLight {
+    /// The same view with given indirect light, W m^-2, ray by ray, in place of what was path traced.
+    ///
+    /// # Panics
+    /// Unless there is as much as there are rays.
+    pub fn lit_by(&self, indirect: &[Vec3]) -> Self {
+        assert_eq!(indirect.len(), self.rays.len(), "light of every ray");
+        let rays = self.rays.iter().zip(indirect).map(|(ray, &light)| PixelLight { indirect: [light; 2], ..*ray });
+        Self { rays: rays.collect(), ..*self }
+    }
+}
+
 impl PixelLight {
+    /// Radiance of some indirect irradiance alone, on surfaces of albedo [`GRAY`]; none where no light is reflected.
+    pub fn gray(&self, indirect: Vec3) -> Vec3 {
+        if self.albedo == Vec3::ZERO { Vec3::ZERO } else { indirect * GRAY / PI }
+    }
+
     /// Radiance toward the camera with some indirect irradiance.
     pub fn radiance(&self, indirect: Vec3) -> Vec3 {
         self.other + self.albedo / PI * indirect

@@ -10,7 +10,7 @@ mod selection;
 mod settled;
 
 pub use moving::Following;
-pub use selection::{Budget, Selection, Wanted};
+pub use selection::{Budget, Selection, Systems, Wanted};
 
 use super::{
     MeasureSettings, StateFindings,
@@ -36,7 +36,8 @@ pub struct SystemFindings {
     pub method: Option<&'static str>,
     /// The figures.
     pub figures: SystemFigures,
-    /// By view: irradiance where each primary ray of [`super::state::View::smooth`] ends; empty for ours, whose pictures are shown elsewhere.
+    /// `[n_views][n_rays]` irradiance, W m^-2, where each primary ray of [`super::state::View::smooth`] ends; empty for ours, whose maps
+    /// are among the methods'.
     pub pictures: Vec<Vec<Vec3>>,
 }
 
@@ -147,8 +148,8 @@ struct Light {
 }
 
 impl Comparison<'_> {
-    /// Errors of a system's light; the rest of the figures is left at 0.
-    fn errors(&self, light: &Light) -> SystemFigures {
+    /// What a system spent, and the errors of its light.
+    fn figures(&self, light: &Light, spent: SystemFigures) -> SystemFigures {
         let state = self.state;
         let error = MethodError::of(&light.receivers, &state.reference.irradiance).unwrap_or_default();
         let nrmse = |found: &[Vec3], seen: &SeenReference| {
@@ -166,7 +167,7 @@ impl Comparison<'_> {
             area_nrmse: nrmse(&light.area, &state.area_seen).unwrap_or_default(),
             flip: light.flip,
             leak,
-            ..SystemFigures::default()
+            ..spent
         }
     }
 }

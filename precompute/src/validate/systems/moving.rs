@@ -3,22 +3,17 @@
 //! The first lamp of the lighting with a place goes to and fro along the axis on which it has most room, once; a sun swings about the
 //! vertical. Truth is path traced every few frames at some receivers, and read between these along straight lines.
 
-use super::{Comparison, settled::Runner};
+use super::Comparison;
 use crate::{
-    error::BakeError,
-    metrics::MethodError,
-    progress::Progress,
-    rays::RayCaster,
-    validate::{lit::refused, path_tracer::PathTracer},
+    error::BakeError, metrics::MethodError, progress::Progress, rays::RayCaster, validate::path_tracer::PathTracer,
 };
 use glam::{Quat, Vec3};
-use localprt_runtime::{CpuRelighter, SceneLight, scene_light::scene_texels};
 use localprt_scenes::{Light, LightKind, Lighting, SurfacePoint, luminance};
-use localprt_systems::{Feedback, Frame, Query, Shaded, World};
+use localprt_systems::{Feedback, Frame, Query, Shaded, System, World};
 use serde::Serialize;
 
 /// Frames of the way there and back.
-pub const FRAMES: usize = 120;
+pub(super) const FRAMES: usize = 120;
 /// Frames from one that is path traced to the next.
 const STEP: usize = 4;
 /// Receivers that are watched.
@@ -31,12 +26,6 @@ const FARTHEST: f32 = 0.15;
 const SWING: f32 = 0.35;
 /// Frames behind the light that are looked for.
 const MOST_LAG: usize = 40;
-/// Frames of the same course before, after which a system's light comes round as the lamp does.
-const BEFORE: usize = FRAMES;
-
-/// The same for the file, whose light is some gathers behind.
-const GATHERS_BEFORE: usize = 8;
-
 /// How a system follows a lamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Following {
@@ -54,8 +43,7 @@ pub struct Following {
 pub(super) struct Course {
     /// `[FRAMES]` the lighting.
     lightings: Vec<Lighting>,
-    /// `[n_points]` the receivers that are watched, in file order.
-    receivers: Vec<u32>,
+    /// `[n_points]` receivers that are watched.
     points: Vec<SurfacePoint>,
     /// `[FRAMES][n_points]` W m^-2.
     truth: Vec<Vec<Vec3>>,
@@ -90,8 +78,8 @@ impl Course {
             .collect();
         // Those of whole texels: there a receiver is a point.
         let whole: Vec<u32> = sample.iter().copied().filter(|&receiver| subject.sites(receiver).len() == 1).collect();
-        let receivers: Vec<u32> = whole.iter().copied().step_by(whole.len().div_ceil(WATCHED).max(1)).collect();
-        let points: Vec<SurfacePoint> = receivers.iter().map(|&receiver| subject.point(receiver)).collect();
+        let watched = whole.iter().step_by(whole.len().div_ceil(WATCHED).max(1));
+        let points: Vec<SurfacePoint> = watched.map(|&receiver| subject.point(receiver)).collect();
         let mut traced = Vec::new();
         for frame in (0..FRAMES).step_by(STEP) {
             let tracer = PathTracer::new(caster, &lightings[frame], comparison.bounces, subject.settings.seed);
@@ -105,30 +93,31 @@ impl Course {
                 traced[before].iter().zip(&traced[before + 1]).map(|(&a, &b)| a.lerp(b, along)).collect()
             })
             .collect();
-        Ok(Some(Self { lightings, receivers, points, truth }))
+        Ok(Some(Self { lightings, points, truth }))
     }
 
-    /// Follows the lamp with a system.
+    /// Follows the lamp with a system, after so many frames of the same course, by which its light comes round as the lamp does.
     ///
     /// # Errors
     /// [`BakeError::Cancelled`].
     pub(super) fn follow(
         &self,
         comparison: &Comparison<'_>,
-        runner: &Runner<'_>,
+        system: &mut dyn System,
+        before: usize,
         progress: &Progress,
     ) -> Result<Following, BakeError> {
         let caster = comparison.subject.caster;
         let camera = comparison.cameras.first();
         let feedback = if comparison.bounces == 1 { Feedback::Nothing } else { Feedback::Own };
         let points: Vec<Shaded> = self.points.iter().map(|&point| Shaded::from_above(point)).collect();
-        let mut system = runner.system();
         let mut light = Vec::with_capacity(FRAMES);
-        for number in 0..BEFORE + FRAMES {
+        for number in 0..before + FRAMES {
             progress.check()?;
-            let world = World::new(caster, &self.lightings[number % FRAMES]);
+            let at = (number + FRAMES - before) % FRAMES;
+            let world = World::new(caster, &self.lightings[at]);
             system.update(&Frame { world: &world, number: number as u64, camera, feedback, events: &[], still: false });
-            if number >= BEFORE {
+            if number >= before {
                 light.push(system.irradiance(&world, &Query::of(&points)));
             }
         }
@@ -136,7 +125,7 @@ impl Course {
     }
 
     /// Compares `[FRAMES][n_points]` irradiances with the truth.
-    pub(super) fn compare(&self, light: &[Vec<Vec3>]) -> Following {
+    fn compare(&self, light: &[Vec<Vec3>]) -> Following {
         let traced = || (0..FRAMES).step_by(STEP);
         let nrmse = |frame: usize| MethodError::of(&light[frame], &self.truth[frame]).map_or(0.0, |error| error.nrmse);
         let error = traced().map(nrmse).sum::<f64>();
@@ -162,36 +151,6 @@ impl Course {
             flicker: (found / n.max(1) as f64).sqrt() / mean,
             truth_flicker: (expected / n.max(1) as f64).sqrt() / mean,
         }
-    }
-
-    /// Follows the lamp with the file: one gather a frame, from the light of the frame before.
-    ///
-    /// # Errors
-    /// [`BakeError::Cancelled`].
-    pub(super) fn follow_with_file(
-        &self,
-        comparison: &Comparison<'_>,
-        progress: &Progress,
-    ) -> Result<Following, BakeError> {
-        let subject = comparison.subject;
-        let texels = scene_texels(subject.caster, &subject.view);
-        let mut relighter = CpuRelighter::new(subject.checked.clone());
-        let mut light = Vec::with_capacity(FRAMES);
-        for number in 0..GATHERS_BEFORE + FRAMES {
-            progress.check()?;
-            let frame = (number + FRAMES - GATHERS_BEFORE) % FRAMES;
-            let shines = SceneLight::traced(subject.caster, &texels, &self.lightings[frame], &subject.view);
-            let inputs = shines.inputs(1);
-            let relit = match comparison.bounces {
-                1 => relighter.relight(&inputs),
-                _ => relighter.step(&inputs),
-            };
-            let relit = relit.map_err(refused)?;
-            if number >= GATHERS_BEFORE {
-                light.push(self.receivers.iter().map(|&receiver| relit.irradiance[receiver as usize]).collect());
-            }
-        }
-        Ok(self.compare(&light))
     }
 }
 

@@ -4,13 +4,15 @@ use super::{Comparison, Light, SystemFigures, SystemFindings, moving::Course, se
 use crate::{
     error::BakeError,
     progress::Progress,
-    report::Bytes,
     validate::seen::{SeenPoint, engine_read},
 };
 use glam::Vec3;
+use localprt_systems::hybrid::FileLight;
 
 /// Bytes of a number of a transport row, as files have them.
 const ROW_BYTES: u64 = 2;
+/// Gathers before a lamp is followed: the light of later ones is below 1 %.
+const GATHERS_BEFORE: usize = 8;
 /// Share of its light at which a system has reacted.
 pub(super) const REACTED: f64 = 0.9;
 
@@ -35,12 +37,16 @@ pub(super) fn measure(
     let reacted = means.iter().position(|&mean| mean >= REACTED * last).map_or(bounces, |gather| gather as u32 + 1);
     // Rows that the file was made from follow as the file does.
     let following = match course.filter(|_| ours.is_file) {
-        Some(course) => Some(course.follow_with_file(comparison, progress)?),
+        Some(course) => {
+            // One gather in a frame, from the light of the frame before.
+            let mut file = FileLight::new(subject.checked.clone(), subject.caster);
+            Some(course.follow(comparison, &mut file, GATHERS_BEFORE, progress)?)
+        }
         None => None,
     };
     let metadata = subject.view.metadata;
-    let bytes = if ours.is_file { Bytes::of(&subject.view).transport() } else { row_bytes(comparison) };
-    let figures = SystemFigures {
+    let bytes = if ours.is_file { subject.view.transport_bytes().total() } else { row_bytes(comparison) };
+    let spent = SystemFigures {
         bytes,
         probes: subject.probe_positions().len(),
         // Relight rays were traced by the bake: an update reads the light map where they end.
@@ -50,8 +56,9 @@ pub(super) fn measure(
         frames_to_90_percent: reacted,
         frames: bounces,
         following,
-        ..comparison.errors(&light)
+        ..SystemFigures::default()
     };
+    let figures = comparison.figures(&light, spent);
     Ok(SystemFindings {
         name: ours.name,
         title: ours.title,

@@ -2,6 +2,7 @@
 
 use super::super::methods::{ARIKAN, COMPRESSED, Method, PAPER, SPATIAL, UNCOMPRESSED};
 use localprt_systems::{KINDS, Kind};
+use std::str::FromStr;
 
 /// Every system, for `--systems all`.
 const ALL: &str = "all";
@@ -45,6 +46,10 @@ pub enum Budget {
     Bytes,
 }
 
+/// Systems by name, in the order of the table.
+#[derive(Clone, Debug, Default)]
+pub struct Systems(pub Vec<Wanted>);
+
 /// Systems to compare.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
@@ -69,30 +74,40 @@ impl Wanted {
     pub fn all() -> impl Iterator<Item = Self> {
         OURS.iter().map(|ours| Self::Ours(ours)).chain(KINDS.iter().map(|kind| Self::Other(kind)))
     }
+}
 
-    /// Those of a list of names with commas, or `all`.
-    ///
-    /// # Errors
-    /// A name that there is none of, with the nearest that there is.
-    pub fn listed(text: &str) -> Result<Vec<Self>, String> {
+impl FromStr for Systems {
+    type Err = String;
+
+    /// Those of a list of names with commas, or `all`. Of a name that there is none of, the error has the nearest that there is.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let all = || Wanted::all().map(|system| system.name());
         if text == ALL {
-            return Ok(Self::all().collect());
+            return Ok(Self(Wanted::all().collect()));
         }
         let asked: Vec<&str> = text.split(',').map(str::trim).collect();
-        for name in &asked {
-            if !Self::all().any(|system| system.name() == *name) {
-                let near = Self::all()
-                    .map(|system| system.name())
-                    .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)));
-                let names: Vec<&str> = Self::all().map(|system| system.name()).collect();
-                let near = near.unwrap_or(ALL);
-                return Err(format!(
-                    "no system is called {name:?}; did you mean {near}? There are all, {}",
-                    names.join(", ")
-                ));
-            }
+        if let Some(name) = asked.iter().find(|name| !all().any(|other| other == **name)) {
+            let likeness = |other: &str| strsim::jaro_winkler(other, name);
+            let near = all().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).unwrap_or(ALL);
+            let names: Vec<&str> = all().collect();
+            return Err(format!(
+                "no system is called {name:?}; did you mean {near}? There are all, {}",
+                names.join(", ")
+            ));
         }
-        Ok(Self::all().filter(|system| asked.contains(&system.name())).collect())
+        Ok(Self(Wanted::all().filter(|system| asked.contains(&system.name())).collect()))
+    }
+}
+
+impl FromStr for Budget {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "probes" => Ok(Self::Probes),
+            "bytes" => Ok(Self::Bytes),
+            _ => Err("expected probes or bytes".into()),
+        }
     }
 }
 
@@ -108,7 +123,9 @@ mod tests {
 
     #[test]
     fn systems_are_chosen_by_name_in_the_order_of_the_table() {
-        let names = |text: &str| Wanted::listed(text).map(|found| found.iter().map(Wanted::name).collect::<Vec<_>>());
+        let names = |text: &str| {
+            text.parse::<Systems>().map(|Systems(found)| found.iter().map(Wanted::name).collect::<Vec<_>>())
+        };
         assert_eq!(names("paper, file"), Ok(vec!["file", "paper"]));
         assert_eq!(names("all").expect("all").len(), OURS.len() + KINDS.len());
         let error = names("file,spatail").expect_err("no such system");

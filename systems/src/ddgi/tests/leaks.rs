@@ -3,7 +3,7 @@
 use super::super::{Ddgi, Settings};
 use crate::irradiance_probes::Weights;
 use crate::irradiance_probes::test_scenes::{
-    against_paths, cornell_points, floor_points, mean, path_traced, rooms, rooms_grid, two_rooms,
+    self, against_paths, cornell_points, floor_points, mean, path_traced, rooms_grid, two_rooms,
 };
 use crate::test_worlds::{in_world, lit_plane, settle};
 use crate::{Feedback, ProbeGrid, Query, System, World};
@@ -11,13 +11,10 @@ use glam::{UVec3, Vec3};
 use localprt_scenes::Lighting;
 use std::f32::consts::PI;
 
-/// Irradiance of the dark room as a share of the lit one's.
+/// Light of the dark room as a share of the lit one's.
 fn leak(world: &World<'_>, weights: Weights, normal_bias: f32) -> f32 {
     let settings = Settings { weights, normal_bias, rays: 64, hysteresis: 0.5, ..Settings::default() };
-    let mut ddgi = Ddgi::new(rooms_grid(), settings, 1);
-    settle(&mut ddgi, world, Feedback::Own, 3);
-    let (lit, dark) = rooms();
-    mean(&ddgi, world, &dark) / mean(&ddgi, world, &lit)
+    test_scenes::leak(&mut Ddgi::new(rooms_grid(), settings, 1), world)
 }
 
 #[test]

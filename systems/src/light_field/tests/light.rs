@@ -127,6 +127,8 @@ fn a_lamp_changes_radiance_and_not_geometry() {
         events: &[],
         still: false,
     });
+    // Rays for points are counted in the update after they were asked for, and not among its own.
+    assert_eq!(work.query_rays, 0);
     // Every texel that sees a front that the lamp may reach has a shadow ray; probes in an open box see little else but walls.
     assert!(work.rays == 0 && work.probes == 8 && work.shadow_rays > 8 * 64 * 64 / 3, "{work:?}");
     // All but those in the two blocks.

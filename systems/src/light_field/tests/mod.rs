@@ -1,6 +1,5 @@
 //! Closed forms, rays against rays, and each element against its lack.
 
-mod figures;
 mod light;
 mod search;
 

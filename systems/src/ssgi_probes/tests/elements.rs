@@ -17,7 +17,7 @@ fn probes_learn_from_all_that_is_on_screen() {
         let work = system.update(&frame);
         let n = system.probes() as u64;
         assert!(n <= 300 && n > 150);
-        assert_eq!(work, Work { rays: 400, shadow_rays: 0, texels: 27 * n, probes: n });
+        assert_eq!(work, Work { rays: 400, texels: 27 * n, probes: n, ..Work::default() });
         assert_eq!(system.bytes(), 56 * n);
         // Each holds the light of all samples that face it, by one step from nothing.
         let (samples, _) = settings.frame_buffer.samples(&system, &frame, &camera, system.key(&frame, Purpose::Pixels));
@@ -187,6 +187,30 @@ fn jitter_takes_the_grid_out_of_the_light() {
     // The light is the same everywhere. Whether a probe stands above the strip or beside it makes seven times as much of it; with jitter it
     // is 1.8, of which some is noise.
     assert!(fixed > 3.0 && jittered < 2.0, "{fixed} {jittered}");
+}
+
+#[test]
+fn a_camera_outside_of_a_room_needs_probes_inside() {
+    // The Cornell box, seen through its opening, first bounce at points of its floor and back wall.
+    let scene = localprt_scenes::builtin::scene("cornell").expect("built in");
+    let lighting = Lighting { lights: scene.lights.clone(), ..Lighting::default() };
+    let mut points: Vec<SurfacePoint> = Vec::new();
+    for [u, v] in [[-0.8, 0.2], [-0.2, 0.8], [0.0, 1.4], [0.3, 1.8], [0.8, 0.3], [0.9, 1.2]] {
+        points.extend([at([u, 0.0, v - 0.9], Vec3::Y), at([u, v, -1.0], Vec3::Z)]);
+    }
+    in_world(&scene, &lighting, |world| {
+        let truth: Vec<f32> = points.iter().map(|point| gathered(world, point)).collect();
+        let bias = |within_scene: bool| {
+            let settings = Settings { within_scene, ..Settings::COMPARED };
+            let mut system = system(world, &scene.cameras, 125, settings);
+            watch(&mut system, world, &scene.cameras[0], 0..120);
+            mean(&irradiance(&system, world, &points)) / mean(&truth) - 1.0
+        };
+        let (inside, around) = (bias(true), bias(false));
+        eprintln!("inside {inside}, around the camera {around}");
+        // Found: 1.54 and 2.01. What is left is the method's: off screen is taken to look like what is on it.
+        assert!(inside.abs() < 0.85 * around, "{inside} {around}");
+    });
 }
 
 #[test]
