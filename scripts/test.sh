@@ -51,6 +51,8 @@ if command -v python3 >/dev/null 2>&1; then
     step python3 scripts/structure.py >&2
     step python3 scripts/spelling.py
 fi
+# The fuzz targets are a workspace of their own, whose lock file no other step reads.
+step cargo metadata --locked --manifest-path fuzz/Cargo.toml --format-version 1 >/dev/null
 step cargo clippy --release --all-targets "${features[@]}" -- -D warnings
 RUSTDOCFLAGS="-D warnings" step cargo doc --release --no-deps "${features[@]}"
 step cargo test --release --all-targets "${features[@]}"

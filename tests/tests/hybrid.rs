@@ -47,9 +47,8 @@ fn a_room_goes_dark_when_its_door_closes() {
     let is_dark = |position: Vec3| position.x > 0.1;
     for bounces in [1, ALL] {
         let found = errors(study, bounces);
-        // Measured: 0.157 of 0.188 at the first bounce, 0.098 of 0.238 at all. DDGI feeds its own leaks back, the hybrid the file.
-        let most = if bounces == 1 { 0.9 } else { 0.6 };
-        assert!(found.hybrid < most * found.file && found.hybrid < 0.6 * found.ddgi);
+        // Measured: 0.088 of 0.187 at the first bounce, 0.087 of 0.238 at all. DDGI feeds its own leaks back, the hybrid the file.
+        assert!(found.hybrid < 0.6 * found.file && found.hybrid < 0.6 * found.ddgi);
         let mean_of = |light: &[Vec3]| mean(at(study, light, is_dark));
         let (file, hybrid) = (mean_of(&study.file(bounces)), mean_of(&study.hybrid(settings(), bounces)));
         eprintln!("dark room: file {file}, hybrid {hybrid}");
@@ -63,7 +62,10 @@ fn a_platform_takes_the_sky_away_and_gives_its_color_back() {
     let study = &*PLATFORM;
     for bounces in [1, ALL] {
         let found = errors(study, bounces);
-        assert!(found.hybrid < 0.65 * found.file && found.hybrid < found.ddgi);
+        assert!(found.hybrid < 0.35 * found.file);
+        // What bounces in an open court is smooth: there DDGI alone finds it with the same probes as well.
+        let most = if bounces == 1 { 1.0 } else { 1.15 };
+        assert!(found.hybrid < most * found.ddgi);
     }
 }
 
@@ -72,8 +74,8 @@ fn a_wall_that_was_not_baked_divides_a_room() {
     let study = &*WALL;
     for bounces in [1, ALL] {
         let found = errors(study, bounces);
-        // Half of the room has lost its lamp. Four times as many probes halve what is left.
-        assert!(found.hybrid < 0.6 * found.file && found.hybrid < found.ddgi);
+        // Half of the room has lost its lamp.
+        assert!(found.hybrid < 0.25 * found.file && found.hybrid < 0.8 * found.ddgi);
     }
 }
 
@@ -187,9 +189,9 @@ fn what_moves_is_lit_by_the_field_that_has_it() {
     let truth = tracer.estimate(&points, budget, &Progress::silent()).expect("not cancelled").irradiance;
     let (light, _) = both(study, &hybrid, &points.map(Shaded::from_above));
     eprintln!("platform: {light:?}, truth {truth:?}");
-    // Above, the open sky. Below, light from the side through cells of 2 m, which lose more than half of it.
-    assert!((light[0] / truth[0] - 1.0).abs().max_element() < 0.2);
-    assert!((light[1] / truth[1]).min_element() > 0.25 && (light[1] / truth[1]).max_element() < 1.5);
+    // Above, the open sky. Below, light from the side through cells of 2 m, which lose four to six tenths of it.
+    assert!((light[0] / truth[0] - 1.0).abs().max_element() < 0.1);
+    assert!((light[1] / truth[1]).min_element() > 0.35 && (light[1] / truth[1]).max_element() < 1.0);
 }
 
 #[test]

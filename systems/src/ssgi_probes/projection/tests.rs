@@ -104,15 +104,18 @@ fn a_filter_that_keeps_nothing_is_the_static_projection_of_its_frame() {
 #[test]
 fn as_printed_the_filter_comes_out_4_pi_too_dark() {
     // Eq. (9) with steradians in both terms, one sample of a constant 1 at a time.
-    let mut own = Coefficients::default();
+    let (mut printed, mut own) = (Coefficients::default(), Coefficients::default());
     for sample in sampled(|_| 1.0, 20_000, 1) {
         let weight = 1e-3;
         let light = Sums::of(&basis(), [Arriving { solid_angle_sr: weight, ..sample }].into_iter(), None);
-        own.change(|own, projected| own * (1.0 - weight) + projected, &light.projected);
+        printed.change(|printed, projected| printed * (1.0 - weight) + projected, &light.projected);
+        let whole = Arriving { solid_angle_sr: SPHERE_SR, ..sample };
+        own.step(&basis(), [whole].into_iter(), &Filter { rule: Rule::Filter, hysteresis: weight });
     }
-    // In place of sqrt(4 pi): the first function is the same everywhere, so that nothing is random.
-    let expected = SPHERE_SR.sqrt() / SPHERE_SR;
-    assert!((own.0[0].x / expected - 1.0).abs() < 1e-4, "{} {expected}", own.0[0].x);
+    // The first function is the same everywhere, so that nothing is random: a constant 1 projects to sqrt(4 pi).
+    let (exact, dark) = (SPHERE_SR.sqrt(), SPHERE_SR.sqrt() / SPHERE_SR);
+    assert!((printed.0[0].x / dark - 1.0).abs() < 1e-4, "{} {dark}", printed.0[0].x);
+    assert!((own.0[0].x / exact - 1.0).abs() < 1e-4, "{} {exact}", own.0[0].x);
 }
 
 #[test]
