@@ -1,5 +1,6 @@
 //! What every system is to the one who compares them.
 
+use crate::shader_probes::ShaderProbes;
 use crate::world::World;
 use glam::Vec3;
 use localprt_scenes::{Camera, SurfacePoint};
@@ -16,6 +17,12 @@ pub trait System: Send + Sync {
     /// The same for surfaces that probes' rays met: light of earlier bounces.
     fn feedback(&self, world: &World<'_>, points: &[Shaded]) -> Vec<Vec3> {
         self.irradiance(world, &Query::of(points))
+    }
+
+    /// What a shader needs to find [`System::irradiance`] for every pixel by itself; `None` for systems that are more than octahedral
+    /// irradiance probes on one grid.
+    fn shader_probes(&self) -> Option<ShaderProbes> {
+        None
     }
 
     /// Probes that it has.

@@ -3,11 +3,14 @@
 use crate::frame::check_view;
 use crate::gizmo::Drag;
 use crate::open_bake::OpenBake;
+use crate::other_light::OtherLight;
+use crate::other_system::OtherFigures;
 use crate::stage::Stage;
 use crate::state::ViewState;
 use crate::views::ViewKind;
 use glam::Vec3;
 use localprt_scenes::Lighting;
+use std::sync::Arc;
 
 /// One open bake under a user's hands.
 pub struct App<'a> {
@@ -33,6 +36,8 @@ pub struct App<'a> {
     pub notice: Option<String>,
     /// Exposure value of the last picture.
     pub ev: f32,
+    /// What the system beside the file has found last.
+    pub other: Option<(Arc<OtherLight>, OtherFigures)>,
     camera: usize,
 }
 
@@ -109,6 +114,7 @@ impl<'a> App<'a> {
             requests: Requests::default(),
             notice: None,
             ev: 0.0,
+            other: None,
             camera,
         }
     }

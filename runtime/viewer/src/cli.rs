@@ -1,5 +1,6 @@
 //! The command line of the viewer.
 
+use crate::other_system::names;
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
 use clap::{Parser, ValueEnum};
@@ -33,6 +34,12 @@ pub struct Cli {
     /// What surfaces show
     #[arg(long, value_name = "NAME", default_value = "final", value_parser = parse_view)]
     pub view: ViewKind,
+    /// Another system's light beside the file's, on the same scene and light [with --headless at rest, after 160 updates at most; with --frames after so many]
+    #[arg(long, value_name = "NAME", value_parser = parse_system)]
+    pub system: Option<&'static str>,
+    /// Share of the picture's width, from the left, that stays the file's
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = parse_share, requires = "system")]
+    pub split: f32,
     /// Draw over the scene; may be given several times
     #[arg(long, value_name = "NAME", value_enum)]
     pub overlay: Vec<OverlayName>,
@@ -131,6 +138,19 @@ fn one_of<const N: usize>(names: [&str; N]) -> String {
     format!("expected one of {}", names.join(", "))
 }
 
+fn parse_system(text: &str) -> Result<&'static str, String> {
+    let all: Vec<&str> = names().collect();
+    if all.is_empty() {
+        return Err("this viewer was built without the feature systems".into());
+    }
+    names().find(|name| *name == text).ok_or_else(|| format!("expected one of {}", all.join(", ")))
+}
+
+fn parse_share(text: &str) -> Result<f32, String> {
+    let share = text.parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "expected a number from 0 to 1".into())
+}
+
 fn parse_pair(text: &str) -> Result<(f32, f32), String> {
     let share = |text: &str| text.trim().parse::<f32>().ok().filter(|share| (0.0..=1.0).contains(share));
     let pair = text.split_once(',').and_then(|(x, y)| Some((share(x)?, share(y)?)));
@@ -156,5 +176,10 @@ mod tests {
         assert!(parse("viewer a.lprt --headless --record frames --frames 10").is_ok());
         assert!(parse("viewer a.lprt --view nonsense").is_err());
         assert!(parse("viewer a.lprt --pick 0.5,2").is_err());
+        for name in names() {
+            assert!(parse(&format!("viewer a.lprt --system {name} --split 0.3")).is_ok());
+        }
+        assert!(parse("viewer a.lprt --system nonsense").is_err());
+        assert!(parse("viewer a.lprt --split 0.3").is_err(), "nothing to split");
     }
 }

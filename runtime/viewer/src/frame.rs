@@ -5,6 +5,7 @@ use crate::gpu::Gpu;
 use crate::objects::moving_casters;
 use crate::open_bake::OpenBake;
 use crate::options::DrawOptions;
+use crate::other_light::OtherLight;
 use crate::overlays::{OverlayLine, Overlays, ProbeSpheres};
 use crate::receiver_maps::{Legend, receiver_map};
 use crate::scene_draw::SceneDraw;
@@ -63,7 +64,8 @@ struct Applied {
     stage: Option<Stage>,
     materials: Option<(BTreeMap<String, MaterialOverride>, Option<f32>)>,
     sky: Option<Arc<Sky>>,
-    look: Option<Look>,
+    look: Option<(Look, Option<f32>)>,
+    other: Option<Arc<OtherLight>>,
 }
 
 impl Renderer {
@@ -118,6 +120,14 @@ impl Renderer {
         self.frames = 0;
     }
 
+    /// Another system's light, for the part of the picture that a state gives it.
+    pub fn set_other(&mut self, gpu: &Gpu, light: &Arc<OtherLight>) {
+        if !self.applied.other.as_ref().is_some_and(|last| Arc::ptr_eq(last, light)) {
+            self.draw.set_other(&gpu.device, &gpu.queue, light);
+            self.applied.other = Some(Arc::clone(light));
+        }
+    }
+
     /// Measures the exposure from the next picture, where it is not set by hand.
     pub fn meter_again(&mut self) {
         self.must_meter = true;
@@ -138,7 +148,11 @@ impl Renderer {
         if needed_layers(bake, &stage.lights) > self.shadow_layers {
             let mut larger = Self::new(gpu, bake, &stage.lights, self.target.size())?;
             (larger.ev, larger.must_meter, larger.frames) = (self.ev, self.must_meter, self.frames);
+            let other = self.applied.other.take();
             *self = larger;
+            if let Some(other) = other {
+                self.set_other(gpu, &other);
+            }
         }
         self.apply(gpu, bake, state, stage)?;
         self.set_overlays(gpu, bake, state, lines);
@@ -200,7 +214,8 @@ impl Renderer {
 
     fn develop(&self, gpu: &Gpu, state: &ViewState, encoder: &mut wgpu::CommandEncoder) {
         let tone_map = if state.look.view.is_map() { ToneMap::Clamp } else { state.look.tone_map };
-        self.target.tone_map(&gpu.queue, encoder, self.scale(&state.look), tone_map);
+        let split = split(state);
+        self.target.tone_map_split(&gpu.queue, encoder, self.scale(&state.look), tone_map, split);
     }
 
     /// 2^EV.
@@ -267,20 +282,22 @@ impl Renderer {
             self.draw.set_sky(device, queue, sky);
             self.applied.sky = Some(Arc::clone(sky));
         }
-        self.apply_look(gpu, bake, &state.look);
+        self.apply_look(gpu, bake, &state.look, split(state));
         Ok(())
     }
 
-    fn apply_look(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, look: &Look) {
-        let last = self.applied.look.replace(*look);
-        if last == Some(*look) {
+    fn apply_look(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, look: &Look, split: Option<f32>) {
+        let last = self.applied.look.replace((*look, split));
+        if last == Some((*look, split)) {
             return;
         }
+        let last = last.map(|(last, _)| last);
         self.draw.set_options(DrawOptions {
             view: look.view,
             normal_maps: look.normal_maps,
             specular: look.specular,
             cull_backs: look.cull_backs,
+            split,
         });
         if last.map(|last| last.view) != Some(look.view) {
             let map = receiver_map(look.view, &bake.baked, bake.files.reference.as_ref());
@@ -345,6 +362,11 @@ impl Renderer {
     pub fn memory(&self) -> Vec<(&'static str, u64)> {
         self.gi.memory()
     }
+}
+
+/// Where the picture is split, as a share of its width: maps of the file show nothing of other systems.
+fn split(state: &ViewState) -> Option<f32> {
+    state.beside.filter(|_| !state.look.view.is_map()).map(|beside| beside.split)
 }
 
 /// Whether an open bake can show a view.

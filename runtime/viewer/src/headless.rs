@@ -5,6 +5,7 @@ use crate::cli::Cli;
 use crate::frame::{Renderer, too_small};
 use crate::gpu::Gpu;
 use crate::open_bake::OpenBake;
+use crate::other_system::{Engine, Found, Moment, OtherFigures, UPDATES, engine};
 use crate::receiver_maps::Legend;
 use crate::scene_overlays::overlay_lines;
 use crate::stage::Stage;
@@ -13,6 +14,7 @@ use localprt_tools::error::CommandError;
 use localprt_tools::output::{OutputError, check_writable, write_png};
 use localprt_tools::picture::PictureSize;
 use std::path::Path;
+use std::sync::Arc;
 use web_time::Instant;
 
 /// Frames before a screenshot unless given: as many gathers as `precompute relight` makes.
@@ -32,6 +34,25 @@ pub struct Headless<'a> {
     pub size: (u32, u32),
 }
 
+/// Updates a system under light that stays, until it says the same twice.
+fn settle(other: &mut Engine<'_>, moment: &Moment, updates: u32) {
+    let mut last = None;
+    for _ in 0..updates {
+        let light = Some(other.update(moment).light);
+        if light == last {
+            break;
+        }
+        last = light;
+    }
+}
+
+/// Who makes the pictures of a run.
+struct Drawn<'a> {
+    gpu: &'a Gpu,
+    renderer: &'a mut Renderer,
+    other: Option<Engine<'a>>,
+}
+
 impl Headless<'_> {
     /// What the command line asks for, without a window.
     ///
@@ -44,30 +65,36 @@ impl Headless<'_> {
         let gpu = Gpu::headless()?;
         let mut renderer = self.renderer(&gpu)?;
         eprintln!("{}", self.bake.summary(&gpu.name(), started.elapsed()));
+        let mut other = engine(self.bake, &self.state);
+        if let Some(other) = &mut other {
+            // At rest before the first picture; one more update goes with each frame.
+            let frames = if cli.record.is_some() { FRAMES } else { cli.frames.unwrap_or(FRAMES) };
+            let updates = if cli.record.is_some() { UPDATES } else { cli.frames.unwrap_or(UPDATES) };
+            settle(other, &self.moment(0.0), updates.saturating_sub(frames));
+        }
+        let mut drawn = Drawn { gpu: &gpu, renderer: &mut renderer, other };
         match (&cli.screenshot, &cli.record) {
-            (_, Some(folder)) => self.record(&gpu, &mut renderer, folder, cli.frames.unwrap_or(RECORDED_FRAMES)),
-            (Some(path), None) => self.screenshot(&gpu, &mut renderer, path, cli.frames.unwrap_or(FRAMES)),
+            (_, Some(folder)) => self.record(&mut drawn, folder, cli.frames.unwrap_or(RECORDED_FRAMES)),
+            (Some(path), None) => self.screenshot(&mut drawn, path, cli.frames.unwrap_or(FRAMES)),
             (None, None) => Ok(()),
         }
     }
 
-    fn screenshot(
-        &mut self,
-        gpu: &Gpu,
-        renderer: &mut Renderer,
-        path: &Path,
-        n_frames: u32,
-    ) -> Result<(), CommandError> {
+    fn screenshot(&mut self, drawn: &mut Drawn<'_>, path: &Path, n_frames: u32) -> Result<(), CommandError> {
+        let mut figures = None;
         for frame in 0..n_frames {
-            self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
+            figures = self.frame(drawn, frame as f32 / FRAMES_PER_SECOND)?;
         }
-        self.describe(renderer);
-        let pixels = renderer.read_picture(gpu, self.bake, &self.state)?;
+        if let Some(figures) = figures {
+            eprintln!("beside the file: {}", figures.summary());
+        }
+        self.describe(drawn.renderer);
+        let pixels = drawn.renderer.read_picture(drawn.gpu, self.bake, &self.state)?;
         write_png(path, self.size.0, self.size.1, &pixels)?;
         Ok(())
     }
 
-    fn record(&mut self, gpu: &Gpu, renderer: &mut Renderer, folder: &Path, n_frames: u32) -> Result<(), CommandError> {
+    fn record(&mut self, drawn: &mut Drawn<'_>, folder: &Path, n_frames: u32) -> Result<(), CommandError> {
         std::fs::create_dir_all(folder).map_err(|error| OutputError::write(folder, error))?;
         check_writable(&folder.join("frame_00000.png"))?;
         let start = self.state.viewpoint;
@@ -76,11 +103,11 @@ impl Headless<'_> {
             // Light has arrived, and the exposure of the first picture is that of all.
             let n_gathers = if frame == 0 { FRAMES } else { 1 };
             for _ in 0..n_gathers {
-                self.frame(gpu, renderer, frame as f32 / FRAMES_PER_SECOND)?;
+                self.frame(drawn, frame as f32 / FRAMES_PER_SECOND)?;
             }
-            let pixels = renderer.read_picture(gpu, self.bake, &self.state)?;
+            let pixels = drawn.renderer.read_picture(drawn.gpu, self.bake, &self.state)?;
             if frame == 0 {
-                self.state.look.exposure = Some(renderer.ev(&self.state.look));
+                self.state.look.exposure = Some(drawn.renderer.ev(&self.state.look));
             }
             write_png(&folder.join(format!("frame_{frame:05}.png")), self.size.0, self.size.1, &pixels)?;
         }
@@ -93,14 +120,26 @@ impl Headless<'_> {
         Renderer::new(gpu, self.bake, &stage.lights, self.size)
     }
 
-    fn frame(&self, gpu: &Gpu, renderer: &mut Renderer, seconds: f32) -> Result<(), CommandError> {
+    /// What the system beside the file took, if there is one.
+    fn frame(&self, drawn: &mut Drawn<'_>, seconds: f32) -> Result<Option<OtherFigures>, CommandError> {
+        let Drawn { gpu, renderer, other } = drawn;
+        let figures = other.as_mut().map(|other| {
+            let Found { light, figures } = other.update(&self.moment(seconds));
+            renderer.set_other(gpu, &Arc::new(light));
+            figures
+        });
         let stage = Stage::new(&self.state, self.bake.bounds, seconds);
         let lines = overlay_lines(self.bake, &self.state, &stage);
         renderer.render(gpu, self.bake, &self.state, &stage, &lines)?;
         match gpu.take_error() {
             Some(error) => Err(too_small(&error)),
-            None => Ok(()),
+            None => Ok(figures),
         }
+    }
+
+    fn moment(&self, seconds: f32) -> Moment {
+        let stage = Stage::new(&self.state, self.bake.bounds, seconds);
+        Moment::of(&self.state, &stage, self.size.0 as f32 / self.size.1 as f32)
     }
 
     /// What the colors of a map view mean.

@@ -40,6 +40,8 @@ mod object_light;
 mod objects;
 mod open_bake;
 mod options;
+mod other_light;
+mod other_system;
 mod overlay_shapes;
 mod overlays;
 #[cfg(target_arch = "wasm32")]
@@ -75,6 +77,8 @@ pub use headless::Headless;
 pub use objects::{MovingObject, ObjectShape, moving_casters};
 pub use open_bake::{Files, OpenBake};
 pub use options::{DrawOptions, Specular, View};
+pub use other_light::{Beside, OtherLight, OtherProbesRecord};
+pub use other_system::{Engine, Found, Moment, OtherFigures, names as system_names};
 pub use overlay_shapes::{
     Support, SupportingProbe, light_shape, link_lines, probe_rays, receiver_lines, support_sphere, supporting_probes,
 };

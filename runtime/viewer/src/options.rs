@@ -17,11 +17,14 @@ pub struct DrawOptions {
     pub specular: Option<Specular>,
     /// Backs of one-sided surfaces are left out; otherwise they are black.
     pub cull_backs: bool,
+    /// Share of the picture's width from which indirect light is that of [`SceneDraw::set_other`](crate::SceneDraw::set_other) in place
+    /// of the relighter's.
+    pub split: Option<f32>,
 }
 
 impl Default for DrawOptions {
     fn default() -> Self {
-        Self { view: ViewKind::Final, normal_maps: true, specular: None, cull_backs: false }
+        Self { view: ViewKind::Final, normal_maps: true, specular: None, cull_backs: false, split: None }
     }
 }
 

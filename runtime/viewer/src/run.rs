@@ -6,6 +6,7 @@ use crate::daylight::{daylight, is_dark};
 use crate::frame::check_view;
 use crate::headless::{Headless, picture_size};
 use crate::open_bake::{Files, OpenBake};
+use crate::other_light::Beside;
 use crate::state::{Ball, Bounces, Door, LitObject, SceneLight, ViewState, new_light, torch};
 use crate::window::{Reloaded, Session, WindowOptions};
 use localprt_runtime::MAX_OCCLUDERS;
@@ -82,6 +83,7 @@ fn set_look(state: &mut ViewState, cli: &Cli) {
     }
     state.bounces = cli.bounces.map_or(Bounces::All, Bounces::Exactly);
     state.animate = cli.animate;
+    state.beside = cli.system.map(|system| Beside { system, split: cli.split });
 }
 
 fn bring(state: &mut ViewState, cli: &Cli, bake: &OpenBake<'_>) -> Result<(), CommandError> {

@@ -5,6 +5,7 @@ use crate::geometry::{self, Geometry};
 use crate::object_light::ObjectLight;
 use crate::objects::{MovingObject, ObjectGeometry, ObjectRecord};
 use crate::options::{DrawOptions, Specular, View};
+use crate::other_light::{OtherLight, OtherMaps};
 use crate::overlays::{OverlayView, Overlays};
 use crate::receiver_maps::{self, ReceiverMap};
 use crate::sky::SkyRecord;
@@ -34,6 +35,8 @@ struct FrameRecord {
     horizon: [f32; 4],
     ground: [f32; 3],
     view: u32,
+    split_px: f32,
+    pad: [u32; 3],
 }
 
 const FLAG_NORMAL_MAPS: u32 = 1;
@@ -108,6 +111,8 @@ struct Maps {
     sampler: wgpu::Sampler,
     /// Of the map views.
     receivers: wgpu::TextureView,
+    /// Of another system.
+    other: OtherMaps,
 }
 
 impl SceneDraw {
@@ -198,6 +203,12 @@ impl SceneDraw {
         self.bind_frame(device);
     }
 
+    /// Light of another system for the pixels right of [`DrawOptions::split`]; black until set.
+    pub fn set_other(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, light: &OtherLight) {
+        self.maps.other = OtherMaps::new(device, queue, light);
+        self.bind_frame(device);
+    }
+
     /// Objects that are drawn with the scene, in the indirect light of the file's volume, or else of the probes around
     /// them. They cast shadows if the relighter has their
     /// [`moving_casters`](crate::moving_casters).
@@ -239,7 +250,7 @@ impl SceneDraw {
     ) -> Result<(), DrawError> {
         let direct_pass = relighter.direct_pass().ok_or(DrawError::NoScene)?;
         let lights = direct_pass.light_group().ok_or(DrawError::TooManyLights)?;
-        let frame = self.frame(view, target.aspect());
+        let frame = self.frame(view, target);
         queue.write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&frame));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("viewer.scene"),
@@ -291,7 +302,8 @@ impl SceneDraw {
         Ok(())
     }
 
-    fn frame(&self, view: &View, aspect: f32) -> FrameRecord {
+    fn frame(&self, view: &View, target: &OffscreenTarget) -> FrameRecord {
+        let aspect = target.aspect();
         let projection = perspective_infinite_reverse(view.fov_y, aspect, view.near_m.max(f32::MIN_POSITIVE));
         let half_height = (0.5 * view.fov_y).tan();
         let axis = |column: usize| view.to_world.col(column).truncate();
@@ -319,6 +331,8 @@ impl SceneDraw {
             horizon: horizon.extend(0.0).to_array(),
             ground: ground.to_array(),
             view: self.options.view.code(),
+            split_px: self.options.split.map_or(f32::MAX, |split| target.split_px(split)),
+            pad: [0; 3],
         }
     }
 }
@@ -338,6 +352,7 @@ impl Maps {
             radiance: radiance.unwrap_or_else(|| no_radiance(device)),
             sampler,
             receivers: receiver_maps::upload(device, queue, 1, &[0; 4]),
+            other: OtherMaps::nothing(device, queue),
         }
     }
 }
@@ -379,6 +394,8 @@ fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
             entry(5, ShaderStages::VERTEX_FRAGMENT, storage),
             entry(6, ShaderStages::FRAGMENT, texture(false, wgpu::TextureViewDimension::D2)),
             entry(7, ShaderStages::FRAGMENT, texture(false, wgpu::TextureViewDimension::D2)),
+            entry(8, ShaderStages::FRAGMENT, texture(true, wgpu::TextureViewDimension::D2)),
+            entry(9, ShaderStages::FRAGMENT, storage),
         ],
     })
 }
@@ -404,13 +421,16 @@ fn frame_group(
             BindGroupEntry { binding: 5, resource: objects.as_entire_binding() },
             BindGroupEntry { binding: 6, resource: BindingResource::TextureView(sky) },
             BindGroupEntry { binding: 7, resource: BindingResource::TextureView(&maps.receivers) },
+            BindGroupEntry { binding: 8, resource: BindingResource::TextureView(&maps.other.map) },
+            BindGroupEntry { binding: 9, resource: maps.other.probes.as_entire_binding() },
         ],
     })
 }
 
 /// The whole shader.
 fn source() -> String {
-    [DIRECT_LIGHT_WGSL, HOST_WGSL, include_str!("scene_draw.wgsl"), include_str!("objects.wgsl")].join("\n")
+    let own = [include_str!("scene_draw.wgsl"), include_str!("objects.wgsl"), include_str!("other_light.wgsl")];
+    [&[DIRECT_LIGHT_WGSL, HOST_WGSL], &own[..]].concat().join("\n")
 }
 
 /// Twins of opposite winding have the same corners in another order, and their depths differ by roundings: some dozens of

@@ -23,6 +23,8 @@ struct Frame {
     ground: vec3f,
     // VIEW_.
     view: u32,
+    // From this pixel on indirect light is another system's.
+    split_px: f32,
 }
 
 const FLAG_NORMAL_MAPS = 1u;
@@ -145,7 +147,9 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
     let direct = direct_light(in.position, normal, geometric_normal, dir_to_eye, roughness);
     var indirect = vec3f(0.0);
     var mirrored = direct.mirrored;
-    if ((frame.flags & FLAG_RADIANCE) != 0u && (frame.flags & (FLAG_NORMAL_MAPS | FLAG_SPECULAR)) != 0u) {
+    if (in.clip.x >= frame.split_px) {
+        indirect = other_irradiance(in.position, normal, dir_to_eye, in.lightmap_uv);
+    } else if ((frame.flags & FLAG_RADIANCE) != 0u && (frame.flags & (FLAG_NORMAL_MAPS | FLAG_SPECULAR)) != 0u) {
         let radiance = localprt_sample_radiance(radiance_map, map_sampler, in.lightmap_uv);
         if ((frame.flags & FLAG_SPECULAR) != 0u) {
             mirrored += localprt_indirect_specular(radiance, normal, dir_to_eye, vec3f(frame.f0), roughness);

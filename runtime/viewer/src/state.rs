@@ -2,6 +2,7 @@
 
 use crate::open_bake::OpenBake;
 use crate::options::Specular;
+use crate::other_light::Beside;
 use crate::tone::ToneMap;
 use crate::viewpoint::Viewpoint;
 use crate::views::ViewKind;
@@ -33,6 +34,8 @@ pub struct ViewState {
     pub bounces: Bounces,
     /// Picture.
     pub look: Look,
+    /// Another system's light in a part of the picture.
+    pub beside: Option<Beside>,
     /// Things drawn over the scene.
     pub overlays: OverlayState,
     /// Whether lights and things that can move do.
@@ -185,6 +188,7 @@ impl ViewState {
             object: None,
             bounces: Bounces::All,
             look: Look::default(),
+            beside: None,
             overlays: OverlayState { probe_size: PROBE_SIZE, ..OverlayState::default() },
             animate: false,
         }
@@ -215,6 +219,7 @@ impl ViewState {
             && self.albedo_override == other.albedo_override
             && self.bounces == other.bounces
             && self.look == other.look
+            && self.beside == other.beside
             && self.overlays == other.overlays
     }
 

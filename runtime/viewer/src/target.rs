@@ -85,6 +85,11 @@ impl OffscreenTarget {
         self.radiance.width() as f32 / self.radiance.height() as f32
     }
 
+    /// The pixel from which on a picture that is split at a share of its width shows another system's light.
+    pub fn split_px(&self, split: f32) -> f32 {
+        (split * self.radiance.width() as f32).round()
+    }
+
     /// Width and height, pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.radiance.width(), self.radiance.height())
@@ -107,7 +112,20 @@ impl OffscreenTarget {
 
     /// Encodes the picture from the radiance: radiance times `scale` (2^EV) through a tone curve.
     pub fn tone_map(&self, queue: &wgpu::Queue, encoder: &mut wgpu::CommandEncoder, scale: f32, tone: ToneMap) {
-        let params = [scale.to_bits(), WHITE.to_bits(), tone.code(), 0];
+        self.tone_map_split(queue, encoder, scale, tone, None);
+    }
+
+    /// The same with a white line where the picture is split, at a share of its width.
+    pub fn tone_map_split(
+        &self,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        scale: f32,
+        tone: ToneMap,
+        split: Option<f32>,
+    ) {
+        let split_px = split.map_or(0.0, |split| self.split_px(split));
+        let params = [scale.to_bits(), WHITE.to_bits(), tone.code(), split_px.to_bits()];
         queue.write_buffer(&self.params, 0, bytemuck::cast_slice(&params));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("viewer.tone_map"),

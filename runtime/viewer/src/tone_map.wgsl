@@ -6,6 +6,8 @@ struct Params {
     white: f32,
     // TONE_.
     curve: u32,
+    // The first pixel after a white line from top to bottom; 0 without.
+    split_px: f32,
 }
 
 const TONE_REINHARD = 0u;
@@ -22,6 +24,7 @@ fn whole_picture(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f 
 
 @fragment
 fn tone_map(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    if (params.split_px > 1.0 && abs(position.x - params.split_px) < 1.0) { return vec4f(1.0); }
     let exposed = max(textureLoad(radiance, vec2i(position.xy), 0).rgb * params.scale, vec3f(0.0));
     switch params.curve {
         case TONE_REINHARD: { return vec4f(reinhard(exposed), 1.0); }

@@ -9,6 +9,7 @@ use crate::frame::Renderer;
 use crate::gpu::Gpu;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::open_bake::{FileStamp, Files, stamp};
+use crate::other_system::{Beneath, Found, Moment, News};
 use crate::panel::{Figures, History};
 use crate::scene_overlays::overlay_lines;
 use crate::stage::Stage;
@@ -180,6 +181,8 @@ struct Host<'a> {
     app: App<'a>,
     shown: Option<Shown>,
     history: History,
+    /// Another system beside the file.
+    beneath: Beneath,
     /// Why the window closed, if not by the user.
     end: Option<CommandError>,
     options: WindowOptions,
@@ -219,6 +222,7 @@ impl<'a> Host<'a> {
             app,
             shown: None,
             history: History::default(),
+            beneath: Beneath::default(),
             end: None,
             options,
             n_frames: 0,
@@ -356,7 +360,7 @@ impl<'a> Host<'a> {
         let (rect, painted) = shown.screen.run_ui(|ui| app.ui(ui, &figures));
         let scaled = |side: u32| ((side as f32 * app.render_scale).round() as u32).max(1);
         let size = (scaled(rect.width), scaled(rect.height));
-        match shown.draw(app, size) {
+        match shown.draw(app, &mut self.beneath, size) {
             // A state that cannot be shown is not worth the user's other work; the last picture stays.
             Err(error) if error.exit == Exit::InvalidInput => app.notice = Some(error.what),
             drawn => drawn?,
@@ -433,11 +437,24 @@ impl<'a> Host<'a> {
 
 impl Shown {
     /// The picture, unless it would be the last one again.
-    fn draw(&mut self, app: &App<'_>, size: (u32, u32)) -> Result<(), CommandError> {
+    fn draw(&mut self, app: &mut App<'_>, beneath: &mut Beneath, size: (u32, u32)) -> Result<(), CommandError> {
         let stage = app.stage();
         let is_same = self.last.size == size
             && self.last.picture.as_ref().is_some_and(|(state, last)| *last == stage && state.is_same_as(&app.state));
         self.last.unchanged = if is_same { self.last.unchanged.saturating_add(1) } else { 0 };
+        let moment = || Moment::of(&app.state, &stage, size.0 as f32 / size.1 as f32);
+        match beneath.follow(app.bake, app.state.beside, !is_same, moment) {
+            News::Nothing => {}
+            News::Gone => app.other = None,
+            News::Found(Found { light, figures }) => {
+                app.other = Some((Arc::new(light), figures));
+                // Once more, with what has come.
+                self.last.unchanged = self.last.unchanged.min(STILL_FRAMES);
+            }
+        }
+        if let Some((light, _)) = &app.other {
+            self.renderer.set_other(&self.gpu, light);
+        }
         if self.last.unchanged > STILL_FRAMES {
             return Ok(());
         }
@@ -539,7 +556,10 @@ impl ApplicationHandler for Host<'_> {
             if shown.gpu.is_lost() || repaint_at.is_some_and(|at| at <= now) {
                 shown.screen.window().request_redraw();
             }
-            let next = now + STILL;
+            let next = now + if self.beneath.is_there() { OUT_OF_SIGHT } else { STILL };
+            if self.beneath.is_there() {
+                shown.screen.window().request_redraw();
+            }
             event_loop.set_control_flow(ControlFlow::WaitUntil(repaint_at.map_or(next, |at| at.clamp(now, next))));
         } else {
             // In a page, the next frame comes when the browser wants one; asking without pause would stop all else there.

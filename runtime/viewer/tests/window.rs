@@ -134,6 +134,12 @@ fn n_different(a: &[u8], b: &[u8]) -> usize {
     a.chunks_exact(3).zip(b.chunks_exact(3)).filter(|(a, b)| a != b).count()
 }
 
+/// Mean over all bytes.
+fn mean_difference(a: &[u8], b: &[u8]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs()).sum();
+    sum / a.len() as f64
+}
+
 /// The same within the legend, and beside it.
 fn different_by_legend(a: &[u8], b: &[u8]) -> [usize; 2] {
     let [columns, rows] = LEGEND;
@@ -172,6 +178,22 @@ fn a_window_shows_what_a_headless_picture_shows() {
         assert!(is_right(&shown), "pixels of the view {view}: {:?}", different_by_legend(&shown, &expected));
         drop(window);
     }
+}
+
+#[test]
+fn a_window_shows_the_system_that_works_beneath_it() {
+    let test = "a_window_shows_the_system_that_works_beneath_it";
+    let Some(baked) = SmallBake::new(test) else { return };
+    let Some(display) = Display::start(test) else { return };
+    let look = ["--size", "320x240", "--system", "ddgi", "--split", "0.25", "--view", "indirect", "--exposure", "1"];
+    let expected = headless(&baked, "expected.png", &[&look[..], &["--bounces", "8"]].concat());
+    let arguments = [&[baked.file(), "--no-panel", "--bounces", "8"], &look[..]].concat();
+    let _window = display.viewer(baked.folder(), &arguments);
+    // The same but for the noise of other rays: at rest both are means over some 30 frames.
+    let shown = display.screen_when(|screen| mean_difference(screen, &expected) < 1.0);
+    assert!(mean_difference(&shown, &expected) < 1.0, "{}", mean_difference(&shown, &expected));
+    let own = headless(&baked, "own.png", &["--size", "320x240", "--view", "indirect", "--exposure", "1"]);
+    assert!(mean_difference(&shown, &own) > 3.0, "the file's light alone: {}", mean_difference(&shown, &own));
 }
 
 #[test]

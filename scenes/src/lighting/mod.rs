@@ -34,7 +34,7 @@ pub struct Lighting {
 }
 
 /// Radiance from outside of the scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Sky {
     /// No light.
     #[default]

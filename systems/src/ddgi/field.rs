@@ -1,8 +1,8 @@
 //! The field of probes: the four steps of a frame, and the query.
 
 use super::Settings;
-use crate::irradiance_probes::{ProbeMaps, ProbeRays, cage_weights, far_m, turned_directions};
-use crate::{Frame, ProbeGrid, Query, Shaded, System, Work, World};
+use crate::irradiance_probes::{ProbeMaps, ProbeRays, Weights, cage_weights, far_m, turned_directions};
+use crate::{Frame, ProbeGrid, Query, Shaded, ShaderProbes, System, Work, World};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -38,13 +38,17 @@ impl Ddgi {
     /// Source: the evaluation, sec. 3.4.1.
     fn weights(&self, shaded: &Shaded) -> impl Iterator<Item = (usize, f32)> {
         let point = &shaded.point;
-        let bias = self.settings.normal_bias * self.grid.spacing.min_element();
-        let tested = point.position + point.normal * bias;
+        let tested = point.position + point.normal * self.bias_m();
         let probe = |at: UVec3| {
             let place = self.grid.index(at);
             Some((place, self.grid.position(at), &self.maps[place]))
         };
         cage_weights(self.settings.weights, self.grid.cage(point.position), point, tested, probe)
+    }
+
+    /// How far before a surface the point lies whose visibility is asked for.
+    fn bias_m(&self) -> f32 {
+        self.settings.normal_bias * self.grid.spacing.min_element()
     }
 
     fn irradiance_at(&self, shaded: &Shaded) -> Vec3 {
@@ -83,6 +87,22 @@ impl System for Ddgi {
 
     fn irradiance(&self, _: &World<'_>, query: &Query<'_>) -> Vec<Vec3> {
         query.points.par_iter().with_min_len(256).map(|shaded| self.irradiance_at(shaded)).collect()
+    }
+
+    fn shader_probes(&self) -> Option<ShaderProbes> {
+        let position = |probe: usize| self.grid.position(self.grid.at(probe));
+        (self.settings.weights == Weights::default()).then(|| ShaderProbes {
+            grid: self.grid,
+            positions: (0..self.grid.len()).map(position).collect(),
+            is_lit: vec![true; self.grid.len()],
+            maps: self.maps.clone(),
+            sizes: self.settings.sizes,
+            normal_bias_m: self.bias_m(),
+            eye_bias_m: 0.0,
+            is_cage_biased: false,
+            stored_power: 1.0,
+            mean_power: 1.0,
+        })
     }
 
     fn probes(&self) -> usize {

@@ -6,8 +6,8 @@ use super::optimizer::Object;
 use super::probe::State;
 use super::volume::Volume;
 use super::window::Window;
-use crate::irradiance_probes::{BackFaces, ProbeRays, far_m, turned_directions};
-use crate::{Frame, ProbeGrid, Query, Shaded, System, Work, World};
+use crate::irradiance_probes::{BackFaces, ProbeRays, Weights, far_m, turned_directions};
+use crate::{Frame, ProbeGrid, Query, Shaded, ShaderProbes, System, Work, World};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -158,6 +158,11 @@ impl System for ScaledDdgi {
     fn irradiance(&self, _: &World<'_>, query: &Query<'_>) -> Vec<Vec3> {
         let at = |shaded: &Shaded| self.mean_radiance(shaded, shaded.point.normal) * PI;
         query.points.par_iter().with_min_len(256).map(at).collect()
+    }
+
+    fn shader_probes(&self) -> Option<ShaderProbes> {
+        let [volume] = self.volumes.as_slice() else { return None };
+        (self.settings.weights == Weights::default()).then(|| volume.shader_probes(&self.settings))
     }
 
     fn probes(&self) -> usize {

@@ -5,9 +5,12 @@ use super::optimizer::{Object, Sight};
 use super::probe::{Probe, State};
 use super::window::Window;
 use crate::irradiance_probes::{ProbeMaps, cage_weights};
-use crate::{Shaded, Work, World};
+use crate::{Shaded, ShaderProbes, Work, World};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
+
+/// Shares of the self-shadow bias along the normal and toward the eye: Eq. (2).
+const BIAS_SHARES: [f32; 2] = [0.2, 0.8];
 
 /// Probes of one spacing. Lists are by slot of the window.
 pub struct Volume {
@@ -110,6 +113,25 @@ impl Volume {
         })
     }
 
+    /// As a shader shades with it, the only volume there is.
+    pub(super) fn shader_probes(&self, settings: &Settings) -> ShaderProbes {
+        let grid = self.window.grid();
+        let slots: Vec<usize> = (0..grid.len()).map(|probe| self.window.slot(grid.at(probe))).collect();
+        let [normal_bias_m, eye_bias_m] = BIAS_SHARES.map(|share| share * settings.bias_m(grid.spacing));
+        ShaderProbes {
+            grid,
+            positions: slots.iter().map(|&slot| self.position(slot)).collect(),
+            is_lit: slots.iter().map(|&slot| self.probes[slot].state.is_lit()).collect(),
+            maps: slots.iter().map(|&slot| self.maps[slot].clone()).collect(),
+            sizes: settings.sizes,
+            normal_bias_m,
+            eye_bias_m,
+            is_cage_biased: settings.biased_cage,
+            stored_power: settings.exponent * 0.5,
+            mean_power: 2.0,
+        }
+    }
+
     /// Its share of the light at a point: 1 inside, falling to 0 over the last cell along each axis. Of a volume that follows the camera
     /// the fall is a cell further in and around the camera, so that nothing jumps when a plane leapfrogs (sec. 7.3, Fig. 17).
     pub fn share(&self, point: Vec3, settings: &Settings) -> f32 {
@@ -129,7 +151,8 @@ impl Settings {
     ///
     /// Source: Eq. (2).
     fn tested_point(&self, shaded: &Shaded, spacing: Vec3) -> Vec3 {
-        shaded.point.position + (shaded.point.normal * 0.2 + shaded.to_eye * 0.8) * self.bias_m(spacing)
+        let [along_normal, to_eye] = BIAS_SHARES;
+        shaded.point.position + (shaded.point.normal * along_normal + shaded.to_eye * to_eye) * self.bias_m(spacing)
     }
 
     /// Length of the self-shadow bias for a unit vector, metres: `0.75 D B` of Eq. (2).

@@ -87,6 +87,11 @@ impl ProbeMaps {
         read(self.sizes.distance, &self.moments, dir)
     }
 
+    /// What both maps hold, with their borders, row by row.
+    pub fn texels(&self) -> (&[Vec3], &[Vec2]) {
+        (&self.irradiance, &self.moments)
+    }
+
     /// The same irradiance in all directions and no end of free space: a probe that is known, for tests.
     #[cfg(test)]
     pub(crate) fn constant(sizes: MapSizes, irradiance: Vec3) -> Self {

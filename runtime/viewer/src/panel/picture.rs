@@ -4,6 +4,8 @@ use super::slider;
 use crate::app::App;
 use crate::frame::check_view;
 use crate::options::Specular;
+use crate::other_light::Beside;
+use crate::other_system::names;
 use crate::tone::ToneMap;
 use crate::views::ViewKind;
 
@@ -47,6 +49,7 @@ pub fn picture(ui: &mut egui::Ui, app: &mut App<'_>) {
             ui.add(slider(albedo, 0.0..=1.0));
         }
     });
+    beside(ui, app);
     ui.add(slider(&mut app.render_scale, 0.25..=1.0).text("resolution"))
         .on_hover_text("pixels of the picture per pixel of the window");
     ui.horizontal(|ui| {
@@ -58,6 +61,32 @@ pub fn picture(ui: &mut egui::Ui, app: &mut App<'_>) {
             app.requests.save_lighting = true;
         }
     });
+}
+
+/// Another system's light, right of a line.
+fn beside(ui: &mut egui::Ui, app: &mut App<'_>) {
+    if names().next().is_none() {
+        return;
+    }
+    let own = &mut app.state.beside;
+    let shown = own.map_or("none", |beside| beside.system);
+    egui::ComboBox::from_label("beside the file").selected_text(shown).show_ui(ui, |ui| {
+        if ui.selectable_label(own.is_none(), "none").clicked() {
+            *own = None;
+        }
+        for system in names() {
+            if ui.selectable_label(shown == system, system).clicked() {
+                *own = Some(Beside { system, split: own.map_or(0.5, |beside| beside.split) });
+            }
+        }
+    });
+    if let Some(beside) = own {
+        ui.add(slider(&mut beside.split, 0.0..=1.0).text("the file's share of the picture"));
+        match &app.other {
+            Some((_, figures)) => ui.label(figures.summary()),
+            None => ui.label("its first light is being found"),
+        };
+    }
 }
 
 fn exposure(ui: &mut egui::Ui, app: &mut App<'_>) {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::object_light::ObjectLightRecord;
+use crate::other_light::OtherProbesRecord;
 use std::mem::offset_of;
 
 fn assert_same_layout(name: &str, size: usize, members: &[(&str, usize)]) {
@@ -35,6 +36,7 @@ fn records_lie_as_the_shader_has_them() {
         ("horizon", offset_of!(FrameRecord, horizon)),
         ("ground", offset_of!(FrameRecord, ground)),
         ("view", offset_of!(FrameRecord, view)),
+        ("split_px", offset_of!(FrameRecord, split_px)),
     ];
     assert_same_layout("Frame", size_of::<FrameRecord>(), &frame);
     let material = [
@@ -58,5 +60,21 @@ fn records_lie_as_the_shader_has_them() {
         ("n_probes", offset_of!(ObjectLightRecord, n_probes)),
         ("n_sh", offset_of!(ObjectLightRecord, n_sh)),
     ];
+    let other = [
+        ("low", offset_of!(OtherProbesRecord, low)),
+        ("kind", offset_of!(OtherProbesRecord, kind)),
+        ("spacing", offset_of!(OtherProbesRecord, spacing)),
+        ("irradiance_side", offset_of!(OtherProbesRecord, irradiance_side)),
+        ("size", offset_of!(OtherProbesRecord, size)),
+        ("distance_side", offset_of!(OtherProbesRecord, distance_side)),
+        ("normal_bias_m", offset_of!(OtherProbesRecord, normal_bias_m)),
+        ("eye_bias_m", offset_of!(OtherProbesRecord, eye_bias_m)),
+        ("is_cage_biased", offset_of!(OtherProbesRecord, is_cage_biased)),
+        ("stored_power", offset_of!(OtherProbesRecord, stored_power)),
+        ("mean_power", offset_of!(OtherProbesRecord, mean_power)),
+        ("texels", size_of::<OtherProbesRecord>()),
+    ];
+    // The record and a texel.
+    assert_same_layout("OtherProbes", size_of::<OtherProbesRecord>() + 16, &other);
     assert_same_layout("ObjectLight", size_of::<ObjectLightRecord>(), &object_light);
 }

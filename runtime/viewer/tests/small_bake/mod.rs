@@ -42,6 +42,7 @@ impl SmallBake {
     }
 
     /// The scene as it was written.
+    #[allow(dead_code, reason = "not every test that has a small bake")]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }

@@ -1,0 +1,150 @@
+//! A system that is asked for a frame at a time.
+
+use super::{Found, Moment, OtherFigures};
+use crate::other_light::{OtherLight, OtherProbesRecord};
+use glam::Vec3;
+use half::f16;
+use localprt_formats::Checked;
+use localprt_scenes::{Lighting, SurfacePoint};
+use localprt_surfaces::rays::RayCaster;
+use localprt_systems::{Event, Feedback, Frame, KINDS, Kind, Query, Setup, Shaded, ShaderProbes, System, World};
+use web_time::Instant;
+
+/// Seed of what is random, so that pictures can be made again.
+const SEED: u64 = 1;
+
+/// Names of all systems.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    KINDS.iter().map(|kind| kind.name)
+}
+
+/// The file's receivers, for systems that are asked at points.
+#[derive(Clone)]
+pub(super) struct Receivers {
+    points: Vec<Shaded>,
+    texels: Vec<u32>,
+    /// Texel, receiver.
+    gutters: Vec<[u32; 2]>,
+    /// Texels per side.
+    size: u32,
+    probes: usize,
+}
+
+impl Receivers {
+    pub(super) fn of(baked: &Checked<'_>) -> Self {
+        let view = baked.view();
+        let point = |(&position, &normal): (&[f32; 3], &[f32; 3])| {
+            let normal = normal.into();
+            Shaded::from_above(SurfacePoint { position: position.into(), normal, geometric_normal: normal })
+        };
+        Self {
+            points: view.receiver_position.iter().zip(view.receiver_normal).map(point).collect(),
+            texels: view.receiver_texel.to_vec(),
+            gutters: view.gutters.to_vec(),
+            size: view.metadata.lightmap_size,
+            probes: view.probes.len(),
+        }
+    }
+
+    /// What the system says at the receivers, in their texels and in the gutters that take their light.
+    fn map(&self, system: &dyn System, world: &World<'_>) -> OtherLight {
+        let light = system.irradiance(world, &Query::of(&self.points));
+        let mut rgba = vec![[f16::ZERO; 4]; (self.size * self.size) as usize];
+        let own = self.texels.iter().copied().zip(0u32..);
+        for (texel, receiver) in own.chain(self.gutters.iter().map(|&[texel, receiver]| (texel, receiver))) {
+            let Some(light) = light.get(receiver as usize) else { continue };
+            if let Some(place) = rgba.get_mut(texel as usize) {
+                *place = light.min(Vec3::splat(f16::MAX.to_f32())).extend(1.0).to_array().map(f16::from_f32);
+            }
+        }
+        OtherLight::Map { size: self.size, rgba }
+    }
+}
+
+/// A system on the file's scene, with as many probes as the file has.
+pub struct Engine<'a> {
+    caster: &'a RayCaster<'a>,
+    receivers: Receivers,
+    kind: &'static Kind,
+    /// Made for the first view.
+    system: Option<Box<dyn System>>,
+    last: Option<Lighting>,
+    updates: u64,
+}
+
+impl<'a> Engine<'a> {
+    /// The system of a name, on the scene of a file; `None` if there is no such name.
+    pub fn new(name: &str, caster: &'a RayCaster<'a>, baked: &Checked<'_>) -> Option<Self> {
+        let kind = KINDS.iter().find(|kind| kind.name == name)?;
+        Some(Self::on(kind, caster, Receivers::of(baked)))
+    }
+
+    pub(super) fn on(kind: &'static Kind, caster: &'a RayCaster<'a>, receivers: Receivers) -> Self {
+        Self { caster, receivers, kind, system: None, last: None, updates: 0 }
+    }
+
+    /// One update, and the light after it.
+    pub fn update(&mut self, moment: &Moment) -> Found {
+        let began = Instant::now();
+        let world = World::new(self.caster, &moment.lighting);
+        let receivers = &self.receivers;
+        let cameras = std::slice::from_ref(&moment.camera);
+        let setup = Setup { probes: receivers.probes, cameras, seed: SEED };
+        let system = self.system.get_or_insert_with(|| (self.kind.prepare)(&world, &setup));
+        let events = self.last.as_ref().map_or(Vec::new(), |last| events(last, &moment.lighting));
+        if self.last.is_none() || !events.is_empty() {
+            self.last = Some(moment.lighting.clone());
+        }
+        let feedback = if moment.is_first_bounce { Feedback::Nothing } else { Feedback::Own };
+        let camera = Some(&moment.camera);
+        let frame = Frame { world: &world, number: self.updates, camera, feedback, events: &events, still: false };
+        let work = system.update(&frame);
+        self.updates += 1;
+        let light = match system.shader_probes() {
+            Some(probes) => shaded_by(&probes),
+            None => receivers.map(&**system, &world),
+        };
+        let figures = OtherFigures {
+            title: self.kind.title,
+            probes: system.probes(),
+            bytes: system.bytes(),
+            rays: work.rays + work.shadow_rays,
+            updates: self.updates,
+            seconds: began.elapsed().as_secs_f64(),
+        };
+        Found { light, figures }
+    }
+}
+
+/// What an application would tell its system of a change of light.
+fn events(last: &Lighting, now: &Lighting) -> Vec<Event> {
+    let is_large =
+        last.sky != now.sky || last.materials != now.materials || last.albedo_override != now.albedo_override;
+    let large = is_large.then_some(Event::LargeLight);
+    let small = (last.lights != now.lights).then_some(Event::SmallLight);
+    large.into_iter().chain(small).collect()
+}
+
+fn shaded_by(probes: &ShaderProbes) -> OtherLight {
+    let record = OtherProbesRecord {
+        low: probes.grid.low.to_array(),
+        kind: OtherProbesRecord::PROBES,
+        spacing: probes.grid.spacing.to_array(),
+        irradiance_side: probes.sizes.irradiance.side as u32,
+        size: probes.grid.size.to_array(),
+        distance_side: probes.sizes.distance.side as u32,
+        normal_bias_m: probes.normal_bias_m,
+        eye_bias_m: probes.eye_bias_m,
+        is_cage_biased: u32::from(probes.is_cage_biased),
+        stored_power: probes.stored_power,
+        mean_power: probes.mean_power,
+        pad: [0; 3],
+    };
+    let position = |(position, &is_lit): (&Vec3, &bool)| position.extend(f32::from(u8::from(is_lit))).to_array();
+    let mut texels: Vec<[f32; 4]> = probes.positions.iter().zip(&probes.is_lit).map(position).collect();
+    let of = |probe: usize| probes.texels(probe);
+    let n_probes = probes.positions.len();
+    texels.extend((0..n_probes).flat_map(|probe| of(probe).0).map(|light| light.extend(0.0).to_array()));
+    texels.extend((0..n_probes).flat_map(|probe| of(probe).1).map(|moments| [moments.x, moments.y, 0.0, 0.0]));
+    OtherLight::Probes { record, texels }
+}

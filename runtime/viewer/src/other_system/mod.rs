@@ -1,0 +1,118 @@
+//! Other systems of the field beside the file, on the same scene and light: the feature `systems`.
+//!
+//! In: the file's scene and receivers, and a [`Moment`]. Out: a [`Found`], frame by frame. A system finds its light on the CPU; one of
+//! octahedral irradiance probes hands them to the shader, of the others the receivers are asked.
+//!
+//! What moves is no part of the scene: systems see what stands still, under lights that change. Objects have their light where their
+//! probes are in the shader, and the file's elsewhere.
+
+#[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
+mod absent;
+#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
+mod engine;
+#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
+mod worker;
+
+#[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
+pub(crate) use absent::Beneath;
+#[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
+pub use absent::{Engine, names};
+#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
+pub use engine::{Engine, names};
+#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
+pub(crate) use worker::Beneath;
+
+use crate::open_bake::OpenBake;
+use crate::other_light::OtherLight;
+use crate::stage::Stage;
+use crate::state::{Bounces, ViewState};
+use localprt_scenes::{Camera, Lighting};
+
+/// Updates before a picture without a window, at most, unless given: DDGI keeps 97 % of a frame, so that 1 % is left of the beginning.
+#[cfg(not(target_arch = "wasm32"))]
+pub const UPDATES: u32 = 160;
+
+/// What a frame of another system starts from.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// What shines, and materials.
+    pub lighting: Lighting,
+    /// From where the picture is taken.
+    pub camera: Camera,
+    /// One gather alone; otherwise the system feeds itself, frame by frame.
+    pub is_first_bounce: bool,
+}
+
+impl Moment {
+    /// Of a state, for a picture of this width over height.
+    pub fn of(state: &ViewState, stage: &Stage, aspect: f32) -> Self {
+        let viewpoint = &state.viewpoint;
+        Self {
+            lighting: state.lighting(stage.lights.clone()),
+            camera: Camera {
+                name: String::new(),
+                to_world: viewpoint.to_world,
+                fov_y: viewpoint.fov_y,
+                aspect: Some(aspect),
+            },
+            is_first_bounce: state.bounces == Bounces::Exactly(1),
+        }
+    }
+}
+
+/// A frame of another system.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Its light.
+    pub light: OtherLight,
+    /// What it took.
+    pub figures: OtherFigures,
+}
+
+/// What has come of the system beneath a window since it was asked last.
+#[cfg_attr(
+    not(all(feature = "systems", not(target_arch = "wasm32"))),
+    expect(dead_code, reason = "without systems there is no news")
+)]
+pub(crate) enum News {
+    /// Nothing.
+    Nothing,
+    /// What was found before is no light of the system that is wanted now.
+    Gone,
+    /// A frame.
+    Found(Found),
+}
+
+/// What another system has and takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OtherFigures {
+    /// What it is called.
+    pub title: &'static str,
+    /// Probes that it has.
+    pub probes: usize,
+    /// Bytes that it keeps, in the formats of its paper.
+    pub bytes: u64,
+    /// Rays of the last update, those to lights among them.
+    pub rays: u64,
+    /// Updates so far.
+    pub updates: u64,
+    /// Of the last update and of what was asked of it, on the CPU.
+    pub seconds: f64,
+}
+
+impl OtherFigures {
+    /// In a line.
+    pub fn summary(&self) -> String {
+        let Self { title, probes, bytes, rays, updates, seconds } = self;
+        let megabytes = *bytes as f64 / 1e6;
+        let milliseconds = 1e3 * seconds;
+        format!("{title}: {probes} probes, {megabytes:.2} MB; update {updates}: {rays} rays, {milliseconds:.0} ms")
+    }
+}
+
+/// The engine of the system that a state has beside the file; `None` without.
+#[cfg(not(target_arch = "wasm32"))]
+pub fn engine<'a>(bake: &'a OpenBake<'_>, state: &ViewState) -> Option<Engine<'a>> {
+    let beside = state.beside?;
+    Engine::new(beside.system, &bake.caster, &bake.baked)
+}

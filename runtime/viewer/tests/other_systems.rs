@@ -1,0 +1,150 @@
+//! Other systems beside the file: the shader says what the system itself says, and the file's part of a picture stays as it is.
+
+mod small_bake;
+
+use localprt_scenes::Lighting;
+use localprt_systems::{Feedback, Frame, KINDS, Query, Setup, Shaded, World};
+use localprt_viewer::{
+    Beside, Bounces, Engine, Files, GRAY_ALBEDO, Gpu, Moment, OpenBake, OtherLight, Renderer, Stage, ViewKind,
+    ViewState, system_names,
+};
+use small_bake::{SmallBake, headless};
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (96, 72);
+const UPDATES: u64 = 4;
+
+/// A state with a system beside the file, and its stage.
+fn state_of(bake: &OpenBake<'_>, system: &'static str) -> (ViewState, Stage) {
+    let mut state = ViewState::new(bake, 0, &Lighting::of_scene(bake.scene()));
+    state.bounces = Bounces::All;
+    state.look.view = ViewKind::Indirect;
+    state.beside = Some(Beside { system, split: 0.0 });
+    let stage = Stage::new(&state, bake.bounds, 0.0);
+    (state, stage)
+}
+
+#[test]
+fn the_shader_says_what_the_probes_of_a_system_say() {
+    let Some(baked) = SmallBake::new("the_shader_says_what_the_probes_of_a_system_say") else { return };
+    let files = Files::open(&baked.folder().join(baked.file()), None).expect("opens");
+    let bake = OpenBake::new(&files).expect("a bake");
+    let gpu = Gpu::headless().expect("a device");
+    let aspect = SIZE.0 as f32 / SIZE.1 as f32;
+    for name in ["ddgi", "ddgi-scaled"] {
+        let (state, stage) = state_of(&bake, name);
+        let moment = Moment::of(&state, &stage, aspect);
+        let mut engine = Engine::new(name, &bake.caster, &bake.baked).expect("a system");
+        // The same system by itself.
+        let kind = KINDS.iter().find(|kind| kind.name == name).expect("a kind");
+        let world = World::new(&bake.caster, &moment.lighting);
+        let setup =
+            Setup { probes: bake.baked.view().probes.len(), cameras: std::slice::from_ref(&moment.camera), seed: 1 };
+        let mut system = (kind.prepare)(&world, &setup);
+        let mut light = None;
+        for number in 0..UPDATES {
+            light = Some(engine.update(&moment).light);
+            let feedback = Feedback::Own;
+            let camera = Some(&moment.camera);
+            system.update(&Frame { world: &world, number, camera, feedback, events: &[], still: false });
+        }
+        let light = light.expect("some updates");
+        assert!(matches!(light, OtherLight::Probes { .. }), "{name}");
+
+        let mut renderer = Renderer::new(&gpu, &bake, &stage.lights, SIZE).expect("a renderer");
+        renderer.set_other(&gpu, &Arc::new(light));
+        renderer.render(&gpu, &bake, &state, &stage, &[]).expect("a picture");
+        let picture = renderer.target().read_radiance(&gpu.device, &gpu.queue).expect("read back");
+
+        // Pixels whose four corners lie on one surface: samples lie within.
+        let mut pixels = Vec::new();
+        for (pixel, &shown) in picture.iter().enumerate() {
+            let at = |dx: f32, dy: f32| {
+                let x = ((pixel as u32 % SIZE.0) as f32 + dx) / SIZE.0 as f32;
+                let y = ((pixel as u32 / SIZE.0) as f32 + dy) / SIZE.1 as f32;
+                let (origin, dir) = state.viewpoint.ray(x, y, aspect);
+                let hit = bake.caster.closest_hit(origin, dir)?;
+                Some((hit.surface_point(bake.scene()), dir))
+            };
+            let Some((point, dir)) = at(0.5, 0.5) else { continue };
+            let is_same =
+                |corner: (f32, f32)| at(corner.0, corner.1).is_some_and(|(other, _)| other.normal == point.normal);
+            if [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].into_iter().all(is_same) {
+                pixels.push((Shaded { point, to_eye: -dir }, shown));
+            }
+        }
+        assert!(pixels.len() > picture.len() / 3, "{name}: {}", pixels.len());
+        let points: Vec<Shaded> = pixels.iter().map(|(shaded, _)| *shaded).collect();
+        let expected = system.irradiance(&world, &Query::of(&points));
+        let scale = GRAY_ALBEDO / PI;
+        let mean = expected.iter().map(|light| light.element_sum()).sum::<f32>() / (3 * expected.len()) as f32;
+        let mut errors: Vec<f32> = pixels
+            .iter()
+            .zip(&expected)
+            .map(|((_, shown), expected)| (*shown / scale - *expected).abs().max_element() / mean)
+            .collect();
+        errors.sort_by(f32::total_cmp);
+        let [median, p99] = [0.5, 0.99].map(|share| errors[(share * errors.len() as f32) as usize]);
+        eprintln!("{name}: median {median}, p99 {p99}, of {}", errors.len());
+        assert!(mean > 0.1 && median < 1e-3 && p99 < 1e-2, "{name}: {mean} {median} {p99}");
+    }
+}
+
+#[test]
+fn systems_without_such_probes_show_their_light_at_the_receivers() {
+    let Some(baked) = SmallBake::new("systems_without_such_probes_show_their_light_at_the_receivers") else { return };
+    let files = Files::open(&baked.folder().join(baked.file()), None).expect("opens");
+    let bake = OpenBake::new(&files).expect("a bake");
+    for name in system_names() {
+        let (state, stage) = state_of(&bake, name);
+        let moment = Moment::of(&state, &stage, 1.5);
+        let found = Engine::new(name, &bake.caster, &bake.baked).expect("a system").update(&moment);
+        assert!(
+            found.figures.probes >= 8 && found.figures.updates == 1 && found.figures.rays > 0,
+            "{:?}",
+            found.figures
+        );
+        let OtherLight::Map { size, rgba } = found.light else { continue };
+        let view = bake.baked.view();
+        assert_eq!((size, rgba.len()), (view.metadata.lightmap_size, (size * size) as usize));
+        let texel = |texel: u32| rgba[texel as usize].map(half::f16::to_f32);
+        let lit = view.receiver_texel.iter().filter(|&&own| texel(own)[..3].iter().any(|&band| band > 0.0)).count();
+        assert!(lit * 2 > view.receiver_texel.len(), "{name}: {lit} of {}", view.receiver_texel.len());
+        assert!(view.receiver_texel.iter().all(|&own| texel(own)[3] == 1.0));
+        for &[own, receiver] in view.gutters {
+            assert_eq!(texel(own), texel(view.receiver_texel[receiver as usize]), "{name}");
+        }
+    }
+    assert!(Engine::new("nonsense", &bake.caster, &bake.baked).is_none());
+}
+
+#[test]
+fn a_split_picture_is_the_files_on_the_left_and_the_others_on_the_right() {
+    let Some(baked) = SmallBake::new("a_split_picture_is_the_files_on_the_left_and_the_others_on_the_right") else {
+        return;
+    };
+    let (width, height) = (96, 72);
+    let look = ["--size", "96x72", "--view", "lighting", "--exposure", "0", "--frames", "4"];
+    let picture = |name: &str, more: &[&str]| headless(&baked, name, &[&look[..], more].concat());
+    let own = picture("own.png", &[]);
+    for system in ["ddgi", "light-field-irradiance"] {
+        let other = picture("other.png", &["--system", system, "--split", "0"]);
+        let split = picture("split.png", &["--system", system, "--split", "0.25"]);
+        for y in 0..height {
+            let part =
+                |pixels: &[u8], from: usize, to: usize| pixels[3 * (y * width + from)..3 * (y * width + to)].to_vec();
+            assert_eq!(part(&split, 0, 23), part(&own, 0, 23), "{system}, row {y}");
+            assert_eq!(part(&split, 23, 25), [255; 6], "a line");
+            assert_eq!(part(&split, 25, width), part(&other, 25, width), "{system}, row {y}");
+        }
+        assert_ne!(own, other);
+        // Both are light of the same place.
+        let mean = |pixels: &[u8]| pixels.iter().map(|&byte| f64::from(byte)).sum::<f64>() / pixels.len() as f64;
+        assert!((mean(&other) / mean(&own) - 1.0).abs() < 0.3, "{system}: {} {}", mean(&other), mean(&own));
+    }
+    // Maps of the file show nothing of other systems.
+    let look = ["--size", "96x72", "--view", "clusters"];
+    let map = headless(&baked, "map.png", &look);
+    assert_eq!(map, headless(&baked, "split.png", &[&look[..], &["--system", "ddgi", "--frames", "1"]].concat()));
+}
