@@ -371,8 +371,8 @@ pub struct Validate {
     /// Also light the place that the file reconstructs worst by a small bright spot close by
     #[arg(long, help_heading = "Sweeps")]
     pub failure_case: bool,
-    /// Also compare real-time systems on this scene and light, against the same reference: all, or some of file, fitted, paper, spatial,
-    /// arikan, ddgi, ddgi-scaled, light-field-irradiance, light-field-traced, light-field-exact, ssgi-probes, ssgi-probes-error,
+    /// Also compare real-time systems on this scene and light, against the same reference: all, or some of file, hybrid, fitted, paper,
+    /// spatial, arikan, ddgi, ddgi-scaled, light-field-irradiance, light-field-traced, light-field-exact, ssgi-probes, ssgi-probes-error,
     /// ssgi-probes-occlusion, with commas between them
     #[arg(long, value_name = "all|NAME,...", help_heading = "Systems")]
     pub systems: Option<Systems>,

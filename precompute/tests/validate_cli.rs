@@ -71,7 +71,7 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     let spot = r#"{"lights":[{"type":"spot","position":[0,1.8,0.5],"direction":[-1,-1,-0.5],"intensity":9}]}"#;
     std::fs::write(&lights, spot).expect("written");
     let quality = path(folder.path(), "quality");
-    let systems = "ssgi-probes,ddgi,file,paper,ddgi-scaled";
+    let systems = "ssgi-probes,ddgi,file,hybrid,paper,ddgi-scaled";
     let more = ["--lights", &lights, "--sweep", "degree=1,4", "--failure-case", "--max-nrmse", "1000"];
     let more = [&more[..], &["--systems", systems, "--moving-lamp"]].concat();
     let output = validate(&file, &quality, &more);
@@ -138,7 +138,7 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
 
     // Systems in the order of the table; the file's figures are those of the file.
     let systems = &metrics["systems"];
-    assert_eq!(keys(systems), "file paper ddgi ddgi-scaled ssgi-probes");
+    assert_eq!(keys(systems), "file hybrid paper ddgi ddgi-scaled ssgi-probes");
     for (name, found) in systems.as_object().expect("an object") {
         let documented =
             "nrmse median_relative p95_relative bias view_nrmse area_nrmse flip leak bytes probes rays_per_update";
@@ -149,6 +149,8 @@ fn a_validation_leaves_a_page_figures_and_pictures() {
     }
     assert_eq!(systems["file"]["nrmse"].as_f64(), Some(nrmse));
     assert_eq!(systems["file"]["view_nrmse"], view["nrmse"]);
+    // Nothing moves but the lamp.
+    assert_eq!(systems["hybrid"], systems["file"]);
     assert_eq!(systems["paper"]["nrmse"], metrics["methods"]["paper"]["nrmse"]);
     // A lamp takes a system with hysteresis longer to follow than the file, which has one bounce in a frame.
     let behind = |name: &str| systems[name]["following"]["lag_frames"].as_f64().expect("it follows");

@@ -1,13 +1,18 @@
 //! Ours among the systems: what the methods found, and what it takes.
 
-use super::{Comparison, Light, SystemFigures, SystemFindings, moving::Course, selection::Ours};
+use super::{
+    Comparison, Light, SystemFigures, SystemFindings,
+    moving::Course,
+    selection::{Keeps, Ours},
+};
 use crate::{
     error::BakeError,
     progress::Progress,
     validate::seen::{SeenPoint, engine_read},
 };
 use glam::Vec3;
-use localprt_systems::hybrid::FileLight;
+use localprt_systems::System;
+use localprt_systems::hybrid::{FileLight, Hybrid, Settings};
 
 /// Bytes of a number of a transport row, as files have them.
 const ROW_BYTES: u64 = 2;
@@ -36,16 +41,21 @@ pub(super) fn measure(
     let last = means.last().copied().unwrap_or_default();
     let reacted = means.iter().position(|&mean| mean >= REACTED * last).map_or(bounces, |gather| gather as u32 + 1);
     // Rows that the file was made from follow as the file does.
-    let following = match course.filter(|_| ours.is_file) {
-        Some(course) => {
-            // One gather in a frame, from the light of the frame before.
-            let mut file = FileLight::new(subject.checked.clone(), subject.caster);
-            Some(course.follow(comparison, &mut file, GATHERS_BEFORE, progress)?)
+    let system: Option<Box<dyn System + '_>> = course.and(match ours.keeps {
+        Keeps::File => Some(Box::new(FileLight::new(subject.checked.clone(), subject.caster))),
+        Keeps::Hybrid => {
+            let (settings, seed) = (Settings::default(), subject.settings.seed);
+            Some(Box::new(Hybrid::new(subject.checked.clone(), subject.caster, settings, seed)))
         }
+        Keeps::Rows => None,
+    });
+    let following = match course.zip(system) {
+        // One gather in a frame, from the light of the frame before.
+        Some((course, mut system)) => Some(course.follow(comparison, system.as_mut(), GATHERS_BEFORE, progress)?),
         None => None,
     };
     let metadata = subject.view.metadata;
-    let bytes = if ours.is_file { subject.view.transport_bytes().total() } else { row_bytes(comparison) };
+    let bytes = if ours.keeps == Keeps::Rows { row_bytes(comparison) } else { subject.view.transport_bytes().total() };
     let spent = SystemFigures {
         bytes,
         probes: subject.probe_positions().len(),

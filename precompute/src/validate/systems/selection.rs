@@ -15,16 +15,29 @@ pub struct Ours {
     /// Its row of the table.
     pub title: &'static str,
     pub(super) method: &'static Method,
-    /// The file itself, and not rows that it was made from.
-    pub(super) is_file: bool,
+    pub(super) keeps: Keeps,
 }
 
+/// What one of ours keeps from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Keeps {
+    /// The file.
+    File,
+    /// The file, and traced probes around what moves: none where nothing does.
+    Hybrid,
+    /// Uncompressed rows.
+    Rows,
+}
+
+const HYBRID_TITLE: &str = "localprt, the file and traced probes around what moves";
+
 static OURS: &[&Ours] = &[
-    &Ours { name: "file", title: "localprt, the file", method: &COMPRESSED, is_file: true },
-    &Ours { name: "fitted", title: "localprt, rows uncompressed", method: &UNCOMPRESSED, is_file: false },
-    &Ours { name: "paper", title: "rows as in SL17, uncompressed", method: &PAPER, is_file: false },
-    &Ours { name: "spatial", title: "spatial interpolation, Eq. (1)", method: &SPATIAL, is_file: false },
-    &Ours { name: "arikan", title: "Arikan et al., their final gather", method: &ARIKAN, is_file: false },
+    &Ours { name: "file", title: "localprt, the file", method: &COMPRESSED, keeps: Keeps::File },
+    &Ours { name: "hybrid", title: HYBRID_TITLE, method: &COMPRESSED, keeps: Keeps::Hybrid },
+    &Ours { name: "fitted", title: "localprt, rows uncompressed", method: &UNCOMPRESSED, keeps: Keeps::Rows },
+    &Ours { name: "paper", title: "rows as in SL17, uncompressed", method: &PAPER, keeps: Keeps::Rows },
+    &Ours { name: "spatial", title: "spatial interpolation, Eq. (1)", method: &SPATIAL, keeps: Keeps::Rows },
+    &Ours { name: "arikan", title: "Arikan et al., their final gather", method: &ARIKAN, keeps: Keeps::Rows },
 ];
 
 /// A system that is asked for.
