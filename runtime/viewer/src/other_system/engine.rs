@@ -13,6 +13,9 @@ use web_time::Instant;
 /// Seed of what is random, so that pictures can be made again.
 const SEED: u64 = 1;
 
+/// Bytes that a shader may read of one buffer on every device: WebGPU's least `maxStorageBufferBindingSize`, less the record.
+const LARGEST_BUFFER: usize = (128 << 20) - size_of::<OtherProbesRecord>();
+
 /// Names of all systems.
 pub fn names() -> impl Iterator<Item = &'static str> {
     KINDS.iter().map(|kind| kind.name)
@@ -100,7 +103,7 @@ impl<'a> Engine<'a> {
         let frame = Frame { world: &world, number: self.updates, camera, feedback, events: &events, still: false };
         let work = system.update(&frame);
         self.updates += 1;
-        let light = match system.shader_probes() {
+        let light = match system.shader_probes().filter(fits) {
             Some(probes) => shaded_by(&probes),
             None => receivers.map(&**system, &world),
         };
@@ -123,6 +126,11 @@ fn events(last: &Lighting, now: &Lighting) -> Vec<Event> {
     let large = is_large.then_some(Event::LargeLight);
     let small = (last.lights != now.lights).then_some(Event::SmallLight);
     large.into_iter().chain(small).collect()
+}
+
+/// Whether probes fit into a buffer of every device.
+fn fits(probes: &ShaderProbes) -> bool {
+    (1 + probes.sizes.texels()) * probes.positions.len() * size_of::<[f32; 4]>() <= LARGEST_BUFFER
 }
 
 fn shaded_by(probes: &ShaderProbes) -> OtherLight {

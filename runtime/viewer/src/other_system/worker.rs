@@ -6,6 +6,8 @@ use crate::open_bake::OpenBake;
 use crate::other_light::Beside;
 use localprt_surfaces::rays::RayCaster;
 use localprt_systems::KINDS;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread;
 
@@ -16,6 +18,8 @@ const REST: u32 = 320;
 #[derive(Default)]
 pub(crate) struct Beneath {
     worker: Option<Worker>,
+    /// Something has changed that the system has not been told of.
+    is_behind: bool,
 }
 
 impl Beneath {
@@ -33,7 +37,10 @@ impl Beneath {
             self.worker = wanted.and_then(|system| Worker::start(system, bake));
         }
         let Some(worker) = &self.worker else { return if is_new { News::Gone } else { News::Nothing } };
-        if is_new || has_changed {
+        self.is_behind |= is_new || has_changed;
+        // One at a time, and the newest: lightings may have large skies, and updates may take seconds.
+        if self.is_behind && !worker.is_untold.swap(true, Ordering::AcqRel) {
+            self.is_behind = false;
             // The thread ends with its worker alone.
             let _ = worker.moments.send(moment());
         }
@@ -54,6 +61,8 @@ impl Beneath {
 struct Worker {
     system: &'static str,
     moments: Sender<Moment>,
+    /// A moment was sent that the thread has not taken yet.
+    is_untold: Arc<AtomicBool>,
     found: Receiver<Found>,
 }
 
@@ -62,33 +71,55 @@ impl Worker {
     fn start(system: &'static str, bake: &OpenBake<'_>) -> Option<Self> {
         let kind = KINDS.iter().find(|kind| kind.name == system)?;
         let (scene, receivers) = (bake.scene().clone(), Receivers::of(&bake.baked));
-        let (moments, heard) = channel();
+        let (moments, told) = channel();
+        let is_untold = Arc::new(AtomicBool::new(false));
         // One that waits to be taken and one that is being found: no more.
         let (finds, found) = sync_channel(1);
+        let heard = Heard { told, is_untold: Arc::clone(&is_untold) };
         let work = move || {
             let Ok(caster) = RayCaster::new(&scene) else { return };
             run(&mut Engine::on(kind, &caster, receivers), &heard, &finds);
         };
         thread::Builder::new().name(system.into()).spawn(work).ok()?;
-        Some(Self { system, moments, found })
+        Some(Self { system, moments, is_untold, found })
+    }
+}
+
+/// The thread's end of what it is told.
+struct Heard {
+    told: Receiver<Moment>,
+    is_untold: Arc<AtomicBool>,
+}
+
+impl Heard {
+    /// Waits for a moment; `None` once nobody tells any more.
+    fn next(&self) -> Option<Moment> {
+        let moment = self.told.recv().ok()?;
+        self.is_untold.store(false, Ordering::Release);
+        Some(moment)
+    }
+
+    /// A moment if there is one now.
+    fn newer(&self) -> Result<Moment, TryRecvError> {
+        let moment = self.told.try_recv()?;
+        self.is_untold.store(false, Ordering::Release);
+        Ok(moment)
     }
 }
 
 /// Updates a system until nobody listens.
-fn run(engine: &mut Engine<'_>, heard: &Receiver<Moment>, finds: &SyncSender<Found>) {
-    let Ok(mut moment) = heard.recv() else { return };
+fn run(engine: &mut Engine<'_>, heard: &Heard, finds: &SyncSender<Found>) {
+    let Some(mut moment) = heard.next() else { return };
     let mut still = 0;
     loop {
-        if still == REST {
-            let Ok(newer) = heard.recv() else { return };
-            (moment, still) = (newer, 0);
-        }
-        loop {
-            match heard.try_recv() {
-                Ok(newer) => (moment, still) = (newer, 0),
-                Err(TryRecvError::Empty) => break,
-                Err(TryRecvError::Disconnected) => return,
+        match heard.newer() {
+            Ok(newer) => (moment, still) = (newer, 0),
+            Err(TryRecvError::Disconnected) => return,
+            Err(TryRecvError::Empty) if still == REST => {
+                let Some(newer) = heard.next() else { return };
+                (moment, still) = (newer, 0);
             }
+            Err(TryRecvError::Empty) => {}
         }
         if finds.send(engine.update(&moment)).is_err() {
             return;
