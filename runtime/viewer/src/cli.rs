@@ -34,7 +34,7 @@ pub struct Cli {
     /// What surfaces show
     #[arg(long, value_name = "NAME", default_value = "final", value_parser = parse_view)]
     pub view: ViewKind,
-    /// Another system's light beside the file's, on the same scene and light [with --headless at rest, after 160 updates at most; with --frames after so many]
+    /// Another system's light beside the file's, on the same scene and light [with --headless at rest, after 320 updates at most; with --frames after so many]
     #[arg(long, value_name = "NAME", value_parser = parse_system)]
     pub system: Option<&'static str>,
     /// Share of the picture's width, from the left, that stays the file's

@@ -66,11 +66,10 @@ impl Headless<'_> {
         let mut renderer = self.renderer(&gpu)?;
         eprintln!("{}", self.bake.summary(&gpu.name(), started.elapsed()));
         let mut other = engine(self.bake, &self.state);
-        if let Some(other) = &mut other {
-            // At rest before the first picture; one more update goes with each frame.
-            let frames = if cli.record.is_some() { FRAMES } else { cli.frames.unwrap_or(FRAMES) };
-            let updates = if cli.record.is_some() { UPDATES } else { cli.frames.unwrap_or(UPDATES) };
-            settle(other, &self.moment(0.0), updates.saturating_sub(frames));
+        let counts_updates = cli.frames.is_some() && cli.record.is_none();
+        if let Some(other) = other.as_mut().filter(|_| !counts_updates) {
+            // One more update goes with each frame.
+            settle(other, &self.moment(0.0), UPDATES - FRAMES);
         }
         let mut drawn = Drawn { gpu: &gpu, renderer: &mut renderer, other };
         match (&cli.screenshot, &cli.record) {

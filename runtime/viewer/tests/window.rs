@@ -191,8 +191,10 @@ fn a_window_shows_the_system_that_works_beneath_it() {
     let _window = display.viewer(baked.folder(), &arguments);
     // The same but for the noise of other rays: at rest both are means over some 30 frames.
     let shown = display.screen_when(|screen| mean_difference(screen, &expected) < 1.0);
+    eprintln!("a system's window differs by {} of 255", mean_difference(&shown, &expected));
     assert!(mean_difference(&shown, &expected) < 1.0, "{}", mean_difference(&shown, &expected));
     let own = headless(&baked, "own.png", &["--size", "320x240", "--view", "indirect", "--exposure", "1"]);
+    eprintln!("and by {} from the file's light", mean_difference(&shown, &own));
     assert!(mean_difference(&shown, &own) > 3.0, "the file's light alone: {}", mean_difference(&shown, &own));
 }
 

@@ -11,7 +11,7 @@
 //! | polyline of at most four segments | sec. 4.1, Listing 1 | `polyline.rs` | `points_of_a_ray_lie_on_its_polyline` |
 //! | march over texels | sec. 4.1, Listing 1 | `polyline.rs` | `large_squares_lead_to_texels_that_small_steps_visit_too` |
 //! | two-level min-mip, 1/16 per axis | sec. 4.2 | `geometry.rs`, `trace.rs` | `two_levels_answer_like_one_in_fewer_steps` |
-//! | hit, miss, unknown; thickness; no back faces | sec. 4.1, Listing 1, supplement | `trace.rs` | `what_a_probe_knows_*`, `thickness_*` |
+//! | hit, miss, unknown; thickness; no back faces | sec. 4.1, Listing 1, supplement | `trace.rs` | `what_a_probe_knows_*`, `thickness_*`, `a_thin_wall_*` |
 //! | first probe nearest to the ray's line | sec. 4.1 | `trace.rs` | `the_first_probe_is_nearest_to_the_line` |
 //! | next probe (i + 3) mod 8, new cage on the way, end of the search | sec. 4.1, Fig. 3 | `trace.rs` | `the_next_probe_*`, `other_probes_*`, `rays_ask_the_cages_*`, `a_ray_that_gets_on_*` |
 //! | brute force | sec. 5 | `field.rs` | `furnace_*`, `a_lit_plane_*` |

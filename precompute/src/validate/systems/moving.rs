@@ -26,6 +26,7 @@ const FARTHEST: f32 = 0.15;
 const SWING: f32 = 0.35;
 /// Frames behind the light that are looked for.
 const MOST_LAG: usize = 40;
+
 /// How a system follows a lamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Following {

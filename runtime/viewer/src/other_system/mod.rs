@@ -6,21 +6,14 @@
 //! What moves is no part of the scene: systems see what stands still, under lights that change. Objects have their light where their
 //! probes are in the shader, and the file's elsewhere.
 
+#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
+mod present;
 #[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
-mod absent;
-#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
-mod engine;
-#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
-mod worker;
+#[path = "absent.rs"]
+mod present;
 
-#[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
-pub(crate) use absent::Beneath;
-#[cfg(not(all(feature = "systems", not(target_arch = "wasm32"))))]
-pub use absent::{Engine, names};
-#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
-pub use engine::{Engine, names};
-#[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
-pub(crate) use worker::Beneath;
+pub(crate) use present::Beneath;
+pub use present::{Engine, names};
 
 use crate::open_bake::OpenBake;
 use crate::other_light::OtherLight;
@@ -28,9 +21,10 @@ use crate::stage::Stage;
 use crate::state::{Bounces, ViewState};
 use localprt_scenes::{Camera, Lighting};
 
-/// Updates before a picture without a window, at most, unless given: DDGI keeps 97 % of a frame, so that 1 % is left of the beginning.
+/// Updates under light that stays, after which a system rests: of DDGI, which keeps 97 % of a frame and waits with each bounce for the one
+/// before it, some 300 bring all bounces in.
 #[cfg(not(target_arch = "wasm32"))]
-pub const UPDATES: u32 = 160;
+pub const UPDATES: u32 = 320;
 
 /// What a frame of another system starts from.
 #[derive(Clone, Debug)]

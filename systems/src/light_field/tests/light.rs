@@ -109,6 +109,36 @@ fn a_sealed_room_gets_hardly_any_light_from_next_door() {
 }
 
 #[test]
+fn a_thin_wall_shows_the_light_behind_it_because_thickness_grows() {
+    let scene = builtin::scene("two-rooms").expect("a scene");
+    let lighting = Lighting { lights: scene.lights.clone(), ..Lighting::default() };
+    in_world(&scene, &lighting, |world| {
+        // On the wall of 5 mm, beside the feet of probes that stand 0.37 m to both sides of it.
+        let leak = |settings: Settings| {
+            let mut system = field(world, 120, settings, Gather::Exact);
+            let grid = system.geometry.grid;
+            assert!(grid.size.x.is_multiple_of(2), "no plane of probes in the wall");
+            settle(&mut system, world, Feedback::Nothing, 1);
+            let on_wall = |side: f32| -> f32 {
+                let at =
+                    |probe: usize| grid.position(grid.at(probe)).with_x(0.0025 * side) + Vec3::new(0.0, 0.12, 0.08);
+                let points: Vec<Shaded> = (0..grid.len())
+                    .step_by(grid.size.x as usize)
+                    .map(|probe| level(at(probe), Vec3::X * side))
+                    .collect();
+                let found = system.irradiance(world, &Query::of(&points));
+                found.iter().map(|found| found.element_sum()).sum::<f32>() / found.len() as f32
+            };
+            on_wall(1.0) / on_wall(-1.0)
+        };
+        let paper = Settings { side: 128, ..SMALL };
+        let (grows, stays) = (leak(paper), leak(Settings { most_thickness_m: paper.least_thickness_m, ..paper }));
+        // Found: 0.42 and 0. A sealed room has none.
+        assert!(grows > 0.1 && stays < 0.001, "{grows} {stays}");
+    });
+}
+
+#[test]
 fn a_lamp_changes_radiance_and_not_geometry() {
     let scene = builtin::scene("cornell").expect("a scene");
     let lit = Lighting { lights: scene.lights.clone(), ..Lighting::default() };

@@ -1,18 +1,15 @@
 //! Systems on a thread of their own, while a window shows what they have found.
 
 use super::engine::{Engine, Receivers};
-use super::{Found, Moment, News};
 use crate::open_bake::OpenBake;
 use crate::other_light::Beside;
+use crate::other_system::{Found, Moment, News, UPDATES};
 use localprt_surfaces::rays::RayCaster;
 use localprt_systems::KINDS;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread;
-
-/// Updates without a change after which a system rests.
-const REST: u32 = 320;
 
 /// The system beneath a window, if it shows one.
 #[derive(Default)]
@@ -115,7 +112,7 @@ fn run(engine: &mut Engine<'_>, heard: &Heard, finds: &SyncSender<Found>) {
         match heard.newer() {
             Ok(newer) => (moment, still) = (newer, 0),
             Err(TryRecvError::Disconnected) => return,
-            Err(TryRecvError::Empty) if still == REST => {
+            Err(TryRecvError::Empty) if still == UPDATES => {
                 let Some(newer) = heard.next() else { return };
                 (moment, still) = (newer, 0);
             }

@@ -1,7 +1,7 @@
 //! A system that is asked for a frame at a time.
 
-use super::{Found, Moment, OtherFigures};
 use crate::other_light::{OtherLight, OtherProbesRecord};
+use crate::other_system::{Found, Moment, OtherFigures};
 use glam::Vec3;
 use half::f16;
 use localprt_formats::Checked;
@@ -155,4 +155,50 @@ fn shaded_by(probes: &ShaderProbes) -> OtherLight {
     texels.extend((0..n_probes).flat_map(|probe| of(probe).0).map(|light| light.extend(0.0).to_array()));
     texels.extend((0..n_probes).flat_map(|probe| of(probe).1).map(|moments| [moments.x, moments.y, 0.0, 0.0]));
     OtherLight::Probes { record, texels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use localprt_scenes::{Light, LightKind, Sky};
+    use localprt_systems::ProbeGrid;
+    use localprt_systems::irradiance_probes::MapSizes;
+
+    #[test]
+    fn a_system_is_told_of_what_changed_as_an_application_would() {
+        let dark = Lighting::default();
+        let lamp = Light {
+            name: String::new(),
+            kind: LightKind::Point,
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Y,
+            color: Vec3::ONE,
+            intensity: 1.0,
+            range: None,
+        };
+        let lit = Lighting { lights: vec![lamp], ..Lighting::default() };
+        let day = Lighting { sky: Sky::Constant(Vec3::ONE), ..lit.clone() };
+        assert_eq!(events(&dark, &dark), []);
+        assert_eq!(events(&dark, &lit), [Event::SmallLight]);
+        assert_eq!(events(&lit, &day), [Event::LargeLight]);
+        assert_eq!(events(&dark, &day), [Event::LargeLight, Event::SmallLight]);
+    }
+
+    #[test]
+    fn probes_that_are_too_many_for_a_buffer_are_left_to_the_receivers() {
+        let probes = |count: usize| ShaderProbes {
+            grid: ProbeGrid::over((Vec3::ZERO, Vec3::ONE), 8),
+            positions: vec![Vec3::ZERO; count],
+            is_lit: Vec::new(),
+            maps: Vec::new(),
+            sizes: MapSizes::PAPER,
+            normal_bias_m: 0.0,
+            eye_bias_m: 0.0,
+            is_cage_biased: false,
+            stored_power: 1.0,
+            mean_power: 1.0,
+        };
+        // A position, 10^2 and 18^2 texels of 16 B are 6,800 B: 19,737 times that and the record are below 2^27 B.
+        assert!(fits(&probes(19_737)) && !fits(&probes(19_738)));
+    }
 }

@@ -1,0 +1,7 @@
+//! Systems, where they are part of the viewer.
+
+mod engine;
+mod worker;
+
+pub use engine::{Engine, names};
+pub(crate) use worker::Beneath;
