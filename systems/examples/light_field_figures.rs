@@ -27,16 +27,26 @@ fn main() {
         let settings = Settings { side, ..Settings::COMPARED };
         LightField::new(&world, &Setup { probes, cameras: &[], seed: 1 }, settings, gather)
     };
+    println!(
+        "| probes, maps | hit, % | miss, % | unknown, % | wrong, % | median error, mm | 95 % below, mm | texels a ray | probes a ray |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (probes, side) in [(8, 128), (27, 128), (64, 128), (64, 256), (8, 512)] {
         let start = Instant::now();
         let system = field(probes, side, Gather::Exact);
         let made = start.elapsed();
         let shares = agreement(&system, &world, RAYS, 1);
+        let percent = |share: f64| format!("{:.2}", 100.0 * share);
+        let shares_of_rays = [shares.hit, shares.miss, shares.unknown, shares.wrong].map(percent).join(" | ");
         println!(
-            "{} probes {side}^2, made in {made:?}, traced in {:?}: {shares:?}",
+            "| {}, {side}^2 | {shares_of_rays} | {:.1} | {:.1} | {:.1} | {:.1} |",
             system.probes(),
-            start.elapsed() - made
+            1e3 * shares.median_error_m,
+            1e3 * shares.error_95_m,
+            shares.steps,
+            shares.probes
         );
+        eprintln!("made in {made:?}, traced in {:?}: {shares:?}", start.elapsed() - made);
     }
 
     let points = points(&world);

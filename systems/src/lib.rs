@@ -18,7 +18,7 @@
 //! | [`ssgi_probes`] | spherical harmonics that learn from what is on screen |
 //! | [`octahedral`] | maps over all directions, with borders |
 //! | [`probe_grid`] | probes at the vertices of a regular grid, the cage of a point |
-//! | [`shader_probes`] | irradiance probes of one frame, as a shader shades with them |
+//! | [`shader_light`] | the light of one frame, as a shader shades with it |
 
 pub mod ddgi;
 pub mod ddgi_scaled;
@@ -27,7 +27,7 @@ pub mod irradiance_probes;
 pub mod light_field;
 pub mod octahedral;
 pub mod probe_grid;
-pub mod shader_probes;
+pub mod shader_light;
 pub mod ssgi_probes;
 pub mod system;
 pub mod world;
@@ -36,7 +36,7 @@ pub mod world;
 mod test_worlds;
 
 pub use probe_grid::ProbeGrid;
-pub use shader_probes::ShaderProbes;
+pub use shader_light::{ShaderHarmonics, ShaderLight, ShaderProbes, Weighting};
 pub use system::{Event, Feedback, Frame, Kind, Query, Setup, Shaded, System, Work};
 pub use world::{Surfel, World};
 

@@ -1,6 +1,6 @@
 //! What every system is to the one who compares them.
 
-use crate::shader_probes::ShaderProbes;
+use crate::shader_light::ShaderLight;
 use crate::world::World;
 use glam::Vec3;
 use localprt_scenes::{Camera, SurfacePoint};
@@ -19,9 +19,9 @@ pub trait System: Send + Sync {
         self.irradiance(world, &Query::of(points))
     }
 
-    /// What a shader needs to find [`System::irradiance`] for every pixel by itself; `None` for systems that are more than octahedral
-    /// irradiance probes on one grid.
-    fn shader_probes(&self) -> Option<ShaderProbes> {
+    /// What a shader needs to find [`System::irradiance`] for every pixel by itself; `None` for systems that trace rays for their points,
+    /// blend several volumes or weigh probes in a way of their own.
+    fn shader_light(&self) -> Option<ShaderLight> {
         None
     }
 

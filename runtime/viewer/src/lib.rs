@@ -77,7 +77,7 @@ pub use headless::Headless;
 pub use objects::{MovingObject, ObjectShape, moving_casters};
 pub use open_bake::{Files, OpenBake};
 pub use options::{DrawOptions, Specular, View};
-pub use other_light::{Beside, OtherLight, OtherProbesRecord};
+pub use other_light::{Beside, OtherLight, OtherRecord};
 pub use other_system::{Engine, Found, Moment, OtherFigures, names as system_names};
 pub use overlay_shapes::{
     Support, SupportingProbe, light_shape, link_lines, probe_rays, receiver_lines, support_sphere, supporting_probes,

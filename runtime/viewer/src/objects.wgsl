@@ -75,8 +75,8 @@ fn object_fragment(in: ObjectVertex) -> @location(0) vec4f {
     if (object_light.spacing_m > 0.0) { radiance = radiance_of_volume(in.position); }
     let direct = direct_light(in.position, normal, normal, normalize(frame.eye - in.position), 1.0);
     var indirect = localprt_irradiance_from_all_around(radiance, normal);
-    if (in.clip.x >= frame.split_px && other.kind == OTHER_PROBES) {
-        indirect = probes_irradiance(in.position, normal, normalize(frame.eye - in.position));
+    if (in.clip.x >= frame.split_px && other.kind != OTHER_MAP) {
+        indirect = other_irradiance_anywhere(in.position, normal, normalize(frame.eye - in.position));
     }
     return vec4f(min(viewed(emission, albedo, direct.irradiance, indirect, vec3f(0.0)), vec3f(LARGEST)), 1.0);
 }

@@ -1,4 +1,4 @@
-//! Indirect light of another system, as the drawing passes take it: a map of the receivers, or probes that the shader asks itself.
+//! Indirect light of another system, as the drawing passes take it: a map of the receivers, or probes that the shader itself reads.
 
 use bytemuck::{Pod, Zeroable};
 use half::f16;
@@ -23,28 +23,29 @@ pub enum OtherLight {
         /// `[size][size]` RGBA; alpha is 1 where there is light to show and 0 elsewhere.
         rgba: Vec<[f16; 4]>,
     },
-    /// Octahedral irradiance probes, for every pixel.
+    /// Probes, for every pixel.
     Probes {
         /// What they have in common.
-        record: OtherProbesRecord,
-        /// RGB0 or moments: `[n_probes]` positions, with 1 in w where a probe counts; `[n_probes][(side + 2)^2]` irradiance, then moments.
+        record: OtherRecord,
+        /// Of octahedral probes `[n_probes]` positions, with 1 in w where a probe counts; `[n_probes][(side + 2)^2]` irradiance, then moments.
+        /// Of harmonics low and spacing, `[n_grids][2]`; coefficients, `[n_grids][n_probes][9]`.
         texels: Vec<[f32; 4]>,
     },
 }
 
-/// `OtherProbes` of the shader, without its texels.
+/// `Other` of the shader, without its texels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct OtherProbesRecord {
+pub struct OtherRecord {
     /// Where the first probe of the grid stands, metres.
     pub low: [f32; 3],
-    /// [`OtherProbesRecord::MAP`] or [`OtherProbesRecord::PROBES`].
+    /// [`OtherRecord::MAP`] or one of the others.
     pub kind: u32,
     /// From probe to probe, metres.
     pub spacing: [f32; 3],
     /// Texels per side of the maps of irradiance, without the border.
     pub irradiance_side: u32,
-    /// Probes along each axis.
+    /// Probes along each axis, of each grid.
     pub size: [u32; 3],
     /// Texels per side of the maps of distance, without the border.
     pub distance_side: u32,
@@ -58,15 +59,21 @@ pub struct OtherProbesRecord {
     pub stored_power: f32,
     /// Exponent from what was blended to mean radiance by cosine.
     pub mean_power: f32,
+    /// Nested grids, of harmonics.
+    pub n_grids: u32,
     /// Nothing.
-    pub pad: [u32; 3],
+    pub pad: [u32; 2],
 }
 
-impl OtherProbesRecord {
-    /// There are no probes, but a map.
+impl OtherRecord {
+    /// There are no probes, but a map. These are the shader's constants.
     pub const MAP: u32 = 1;
-    /// `OTHER_PROBES` of the shader.
-    pub const PROBES: u32 = 2;
+    /// Octahedral probes that count as those of DDGI do.
+    pub const WRAPPED: u32 = 2;
+    /// Octahedral probes that count as those of light fields do.
+    pub const FACING: u32 = 3;
+    /// Spherical harmonics.
+    pub const HARMONICS: u32 = 4;
 }
 
 /// The light on the GPU.
@@ -84,7 +91,7 @@ impl OtherMaps {
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue, light: &OtherLight) -> Self {
         match light {
             OtherLight::Map { size, rgba } => {
-                let record = OtherProbesRecord { kind: OtherProbesRecord::MAP, ..OtherProbesRecord::default() };
+                let record = OtherRecord { kind: OtherRecord::MAP, ..OtherRecord::default() };
                 Self { map: upload(device, queue, *size, rgba), probes: buffer(device, &record, &[]) }
             }
             OtherLight::Probes { record, texels } => {
@@ -94,7 +101,7 @@ impl OtherMaps {
     }
 }
 
-fn buffer(device: &wgpu::Device, record: &OtherProbesRecord, texels: &[[f32; 4]]) -> wgpu::Buffer {
+fn buffer(device: &wgpu::Device, record: &OtherRecord, texels: &[[f32; 4]]) -> wgpu::Buffer {
     let mut contents = bytemuck::bytes_of(record).to_vec();
     // Arrays of the shader have an element at least.
     contents.extend_from_slice(bytemuck::cast_slice(if texels.is_empty() { &[[0.0; 4]] } else { texels }));

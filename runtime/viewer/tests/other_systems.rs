@@ -42,7 +42,7 @@ fn the_shader_says_what_the_probes_of_a_system_say() {
     let bake = OpenBake::new(&files).expect("a bake");
     let gpu = Gpu::headless().expect("a device");
     let aspect = SIZE.0 as f32 / SIZE.1 as f32;
-    for name in ["ddgi", "ddgi-scaled"] {
+    for name in ["ddgi", "ddgi-scaled", "light-field-irradiance", "ssgi-probes"] {
         let (state, stage) = state_of(&bake, name);
         let moment = Moment::of(&state, &stage, aspect);
         let mut engine = Engine::new(name, &bake.caster, &bake.baked).expect("a system");
@@ -174,7 +174,7 @@ fn a_split_picture_is_the_files_on_the_left_and_the_others_on_the_right() {
     let look = ["--size", "96x72", "--view", "lighting", "--exposure", "0", "--frames", "4"];
     let picture = |name: &str, more: &[&str]| headless(&baked, name, &[&look[..], more].concat());
     let own = picture("own.png", &[]);
-    for system in ["ddgi", "light-field-irradiance"] {
+    for system in ["ddgi", "light-field-traced"] {
         let other = picture("other.png", &["--system", system, "--split", "0"]);
         let split = picture("split.png", &["--system", system, "--split", "0.25"]);
         for y in 0..height {

@@ -2,7 +2,7 @@
 
 use super::Settings;
 use crate::irradiance_probes::{ProbeMaps, ProbeRays, Weights, cage_weights, far_m, turned_directions};
-use crate::{Frame, ProbeGrid, Query, Shaded, ShaderProbes, System, Work, World};
+use crate::{Frame, ProbeGrid, Query, Shaded, ShaderLight, ShaderProbes, System, Weighting, Work, World};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -89,20 +89,26 @@ impl System for Ddgi {
         query.points.par_iter().with_min_len(256).map(|shaded| self.irradiance_at(shaded)).collect()
     }
 
-    fn shader_probes(&self) -> Option<ShaderProbes> {
+    fn shader_light(&self) -> Option<ShaderLight> {
         let position = |probe: usize| self.grid.position(self.grid.at(probe));
-        (self.settings.weights == Weights::default()).then(|| ShaderProbes {
+        if self.settings.weights != Weights::default() {
+            return None;
+        }
+        let (irradiance, moments) = ProbeMaps::concat(self.maps.iter());
+        Some(ShaderLight::Octahedral(ShaderProbes {
             grid: self.grid,
             positions: (0..self.grid.len()).map(position).collect(),
             is_lit: vec![true; self.grid.len()],
-            maps: self.maps.clone(),
+            irradiance,
+            moments,
             sizes: self.settings.sizes,
+            weighting: Weighting::Wrapped,
             normal_bias_m: self.bias_m(),
             eye_bias_m: 0.0,
             is_cage_biased: false,
             stored_power: 1.0,
             mean_power: 1.0,
-        })
+        }))
     }
 
     fn probes(&self) -> usize {

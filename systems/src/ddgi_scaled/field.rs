@@ -7,7 +7,7 @@ use super::probe::State;
 use super::volume::Volume;
 use super::window::Window;
 use crate::irradiance_probes::{BackFaces, ProbeRays, Weights, far_m, turned_directions};
-use crate::{Frame, ProbeGrid, Query, Shaded, ShaderProbes, System, Work, World};
+use crate::{Frame, ProbeGrid, Query, Shaded, ShaderLight, System, Work, World};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -160,9 +160,10 @@ impl System for ScaledDdgi {
         query.points.par_iter().with_min_len(256).map(at).collect()
     }
 
-    fn shader_probes(&self) -> Option<ShaderProbes> {
+    fn shader_light(&self) -> Option<ShaderLight> {
         let [volume] = self.volumes.as_slice() else { return None };
-        (self.settings.weights == Weights::default()).then(|| volume.shader_probes(&self.settings))
+        (self.settings.weights == Weights::default())
+            .then(|| ShaderLight::Octahedral(volume.shader_probes(&self.settings)))
     }
 
     fn probes(&self) -> usize {

@@ -5,7 +5,7 @@ use super::optimizer::{Object, Sight};
 use super::probe::{Probe, State};
 use super::window::Window;
 use crate::irradiance_probes::{ProbeMaps, cage_weights};
-use crate::{Shaded, ShaderProbes, Work, World};
+use crate::{Shaded, ShaderProbes, Weighting, Work, World};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
@@ -118,12 +118,15 @@ impl Volume {
         let grid = self.window.grid();
         let slots: Vec<usize> = (0..grid.len()).map(|probe| self.window.slot(grid.at(probe))).collect();
         let [normal_bias_m, eye_bias_m] = BIAS_SHARES.map(|share| share * settings.bias_m(grid.spacing));
+        let (irradiance, moments) = ProbeMaps::concat(slots.iter().map(|&slot| &self.maps[slot]));
         ShaderProbes {
             grid,
             positions: slots.iter().map(|&slot| self.position(slot)).collect(),
             is_lit: slots.iter().map(|&slot| self.probes[slot].state.is_lit()).collect(),
-            maps: slots.iter().map(|&slot| self.maps[slot].clone()).collect(),
+            irradiance,
+            moments,
             sizes: settings.sizes,
+            weighting: Weighting::Wrapped,
             normal_bias_m,
             eye_bias_m,
             is_cage_biased: settings.biased_cage,

@@ -87,9 +87,14 @@ impl ProbeMaps {
         read(self.sizes.distance, &self.moments, dir)
     }
 
-    /// What both maps hold, with their borders, row by row.
-    pub fn texels(&self) -> (&[Vec3], &[Vec2]) {
-        (&self.irradiance, &self.moments)
+    /// What the maps of probes hold, probe after probe, with their borders, row by row: irradiance and moments.
+    pub fn concat<'a>(probes: impl Iterator<Item = &'a Self>) -> (Vec<Vec3>, Vec<Vec2>) {
+        let (mut irradiance, mut moments) = (Vec::new(), Vec::new());
+        for maps in probes {
+            irradiance.extend_from_slice(&maps.irradiance);
+            moments.extend_from_slice(&maps.moments);
+        }
+        (irradiance, moments)
     }
 
     /// The same irradiance in all directions and no end of free space: a probe that is known, for tests.

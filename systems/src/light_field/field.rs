@@ -7,7 +7,7 @@ use super::{
     settings::Settings,
     trace::{Answer, Traced},
 };
-use crate::{Frame, Query, Setup, Shaded, System, Work, World};
+use crate::{Frame, Query, Setup, Shaded, ShaderLight, System, Work, World};
 use glam::{Quat, Vec3};
 use localprt_formats::directions::{cosine_hemisphere, counter_hash, counter_uniform, fibonacci_square};
 use localprt_scenes::SurfacePoint;
@@ -232,6 +232,12 @@ impl System for LightField {
                 self.filtered(query, self.histories.average(key, self.frames, filter, trace), filter)
             }
         }
+    }
+
+    /// Of prefiltered maps alone: rays would be hundreds per pixel, or an average over frames.
+    fn shader_light(&self) -> Option<ShaderLight> {
+        let is_read = self.gather == Gather::Prefiltered;
+        is_read.then(|| ShaderLight::Octahedral(self.prefiltered.shader_probes(&self.geometry.grid)))
     }
 
     fn probes(&self) -> usize {

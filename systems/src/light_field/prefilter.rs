@@ -4,7 +4,7 @@
 //! Source: sec. 5.2; its supplement for the least weights.
 
 use super::{geometry::Geometry, settings::Settings};
-use crate::{ProbeGrid, octahedral::OctahedralMap};
+use crate::{ProbeGrid, ShaderProbes, Weighting, irradiance_probes::MapSizes, octahedral::OctahedralMap};
 use glam::{Vec2, Vec3};
 use localprt_scenes::SurfacePoint;
 use rayon::prelude::*;
@@ -88,6 +88,24 @@ impl Prefiltered {
         });
         let sum: f32 = weighted.iter().map(|probe| probe.1).sum();
         weighted.map(|(probe, weight)| (probe, weight / sum))
+    }
+
+    /// As a shader shades with them.
+    pub(super) fn shader_probes(&self, grid: &ProbeGrid) -> ShaderProbes {
+        ShaderProbes {
+            grid: *grid,
+            positions: (0..grid.len()).map(|probe| grid.position(grid.at(probe))).collect(),
+            is_lit: vec![true; grid.len()],
+            irradiance: self.irradiance.iter().map(|light| *light / PI).collect(),
+            moments: self.moments.clone(),
+            sizes: MapSizes { irradiance: self.map, distance: self.map },
+            weighting: Weighting::Facing,
+            normal_bias_m: 0.0,
+            eye_bias_m: 0.0,
+            is_cage_biased: false,
+            stored_power: 1.0,
+            mean_power: 1.0,
+        }
     }
 
     fn read<T>(&self, maps: &[T], probe: usize, taps: &[(usize, f32); 4]) -> T

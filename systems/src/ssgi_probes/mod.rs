@@ -56,7 +56,7 @@ pub mod sources;
 #[cfg(test)]
 mod tests;
 
-use crate::{Frame, Kind, Query, Setup, System, Work, World};
+use crate::{Frame, Kind, Query, Setup, ShaderHarmonics, ShaderLight, System, Work, World};
 use cascades::Cascades;
 use frame_buffer::{FrameBuffer, PixelSample};
 use glam::{UVec2, Vec3};
@@ -244,6 +244,11 @@ impl System for SsgiProbes {
             light.irradiance(shaded.point.normal)
         };
         query.points.par_iter().map(at).collect()
+    }
+
+    fn shader_light(&self) -> Option<ShaderLight> {
+        let coefficients = self.coefficients.iter().map(|own| own.0).collect();
+        Some(ShaderLight::Harmonics(ShaderHarmonics { grids: self.cascades.grids().to_vec(), coefficients }))
     }
 
     fn probes(&self) -> usize {

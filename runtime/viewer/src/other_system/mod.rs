@@ -1,7 +1,8 @@
 //! Other systems of the field beside the file, on the same scene and light: the feature `systems`.
 //!
-//! In: the file's scene and receivers, and a [`Moment`]. Out: a [`Found`], frame by frame. A system finds its light on the CPU; one of
-//! octahedral irradiance probes hands them to the shader, of the others the receivers are asked.
+//! In: the file's scene and receivers, and a [`Moment`]. Out: a [`Found`], frame by frame. A system finds its light on the CPU, and
+//! hands its probes to the shader. Those that trace rays for every point are asked for the light of the receivers instead: as many rays per
+//! pixel, up to 256, would be a second of a frame on common devices, and receivers keep the average over frames that belongs to it.
 //!
 //! What moves is no part of the scene: systems see what stands still, under lights that change. Objects have their light where their
 //! probes are in the shader, and the file's elsewhere.

@@ -1,6 +1,6 @@
 use super::*;
 use crate::object_light::ObjectLightRecord;
-use crate::other_light::OtherProbesRecord;
+use crate::other_light::OtherRecord;
 use std::mem::offset_of;
 
 fn assert_same_layout(name: &str, size: usize, members: &[(&str, usize)]) {
@@ -61,20 +61,21 @@ fn records_lie_as_the_shader_has_them() {
         ("n_sh", offset_of!(ObjectLightRecord, n_sh)),
     ];
     let other = [
-        ("low", offset_of!(OtherProbesRecord, low)),
-        ("kind", offset_of!(OtherProbesRecord, kind)),
-        ("spacing", offset_of!(OtherProbesRecord, spacing)),
-        ("irradiance_side", offset_of!(OtherProbesRecord, irradiance_side)),
-        ("size", offset_of!(OtherProbesRecord, size)),
-        ("distance_side", offset_of!(OtherProbesRecord, distance_side)),
-        ("normal_bias_m", offset_of!(OtherProbesRecord, normal_bias_m)),
-        ("eye_bias_m", offset_of!(OtherProbesRecord, eye_bias_m)),
-        ("is_cage_biased", offset_of!(OtherProbesRecord, is_cage_biased)),
-        ("stored_power", offset_of!(OtherProbesRecord, stored_power)),
-        ("mean_power", offset_of!(OtherProbesRecord, mean_power)),
-        ("texels", size_of::<OtherProbesRecord>()),
+        ("low", offset_of!(OtherRecord, low)),
+        ("kind", offset_of!(OtherRecord, kind)),
+        ("spacing", offset_of!(OtherRecord, spacing)),
+        ("irradiance_side", offset_of!(OtherRecord, irradiance_side)),
+        ("size", offset_of!(OtherRecord, size)),
+        ("distance_side", offset_of!(OtherRecord, distance_side)),
+        ("normal_bias_m", offset_of!(OtherRecord, normal_bias_m)),
+        ("eye_bias_m", offset_of!(OtherRecord, eye_bias_m)),
+        ("is_cage_biased", offset_of!(OtherRecord, is_cage_biased)),
+        ("stored_power", offset_of!(OtherRecord, stored_power)),
+        ("mean_power", offset_of!(OtherRecord, mean_power)),
+        ("n_grids", offset_of!(OtherRecord, n_grids)),
+        ("texels", size_of::<OtherRecord>()),
     ];
     // The record and a texel.
-    assert_same_layout("OtherProbes", size_of::<OtherProbesRecord>() + 16, &other);
+    assert_same_layout("Other", size_of::<OtherRecord>() + 16, &other);
     assert_same_layout("ObjectLight", size_of::<ObjectLightRecord>(), &object_light);
 }

@@ -1,20 +1,23 @@
 //! A system that is asked for a frame at a time.
 
-use crate::other_light::{OtherLight, OtherProbesRecord};
+use crate::other_light::{OtherLight, OtherRecord};
 use crate::other_system::{Found, Moment, OtherFigures};
 use glam::Vec3;
 use half::f16;
 use localprt_formats::Checked;
 use localprt_scenes::{Lighting, SurfacePoint};
 use localprt_surfaces::rays::RayCaster;
-use localprt_systems::{Event, Feedback, Frame, KINDS, Kind, Query, Setup, Shaded, ShaderProbes, System, World};
+use localprt_systems::{
+    Event, Feedback, Frame, KINDS, Kind, Query, Setup, Shaded, ShaderHarmonics, ShaderLight, ShaderProbes, System,
+    Weighting, World,
+};
 use web_time::Instant;
 
 /// Seed of what is random, so that pictures can be made again.
 const SEED: u64 = 1;
 
 /// Bytes that a shader may read of one buffer on every device: WebGPU's least `maxStorageBufferBindingSize`, less the record.
-const LARGEST_BUFFER: usize = (128 << 20) - size_of::<OtherProbesRecord>();
+const LARGEST_BUFFER: usize = (128 << 20) - size_of::<OtherRecord>();
 
 /// Names of all systems.
 pub fn names() -> impl Iterator<Item = &'static str> {
@@ -103,8 +106,8 @@ impl<'a> Engine<'a> {
         let frame = Frame { world: &world, number: self.updates, camera, feedback, events: &events, still: false };
         let work = system.update(&frame);
         self.updates += 1;
-        let light = match system.shader_probes().filter(fits) {
-            Some(probes) => shaded_by(&probes),
+        let light = match system.shader_light().filter(fits) {
+            Some(light) => shaded_by(&light),
             None => receivers.map(&**system, &world),
         };
         let figures = OtherFigures {
@@ -129,14 +132,24 @@ fn events(last: &Lighting, now: &Lighting) -> Vec<Event> {
 }
 
 /// Whether probes fit into a buffer of every device.
-fn fits(probes: &ShaderProbes) -> bool {
-    (1 + probes.sizes.texels()) * probes.positions.len() * size_of::<[f32; 4]>() <= LARGEST_BUFFER
+fn fits(light: &ShaderLight) -> bool {
+    light.len() * size_of::<[f32; 4]>() <= LARGEST_BUFFER
 }
 
-fn shaded_by(probes: &ShaderProbes) -> OtherLight {
-    let record = OtherProbesRecord {
+fn shaded_by(light: &ShaderLight) -> OtherLight {
+    match light {
+        ShaderLight::Octahedral(probes) => octahedral(probes),
+        ShaderLight::Harmonics(probes) => harmonics(probes),
+    }
+}
+
+fn octahedral(probes: &ShaderProbes) -> OtherLight {
+    let record = OtherRecord {
         low: probes.grid.low.to_array(),
-        kind: OtherProbesRecord::PROBES,
+        kind: match probes.weighting {
+            Weighting::Wrapped => OtherRecord::WRAPPED,
+            Weighting::Facing => OtherRecord::FACING,
+        },
         spacing: probes.grid.spacing.to_array(),
         irradiance_side: probes.sizes.irradiance.side as u32,
         size: probes.grid.size.to_array(),
@@ -146,15 +159,25 @@ fn shaded_by(probes: &ShaderProbes) -> OtherLight {
         is_cage_biased: u32::from(probes.is_cage_biased),
         stored_power: probes.stored_power,
         mean_power: probes.mean_power,
-        pad: [0; 3],
+        ..OtherRecord::default()
     };
     let position = |(position, &is_lit): (&Vec3, &bool)| position.extend(f32::from(u8::from(is_lit))).to_array();
-    let mut texels: Vec<[f32; 4]> = probes.positions.iter().zip(&probes.is_lit).map(position).collect();
-    let of = |probe: usize| probes.texels(probe);
-    let n_probes = probes.positions.len();
-    texels.extend((0..n_probes).flat_map(|probe| of(probe).0).map(|light| light.extend(0.0).to_array()));
-    texels.extend((0..n_probes).flat_map(|probe| of(probe).1).map(|moments| [moments.x, moments.y, 0.0, 0.0]));
-    OtherLight::Probes { record, texels }
+    let positions = probes.positions.iter().zip(&probes.is_lit).map(position);
+    let irradiance = probes.irradiance.iter().map(|light| light.extend(0.0).to_array());
+    let moments = probes.moments.iter().map(|moments| [moments.x, moments.y, 0.0, 0.0]);
+    OtherLight::Probes { record, texels: positions.chain(irradiance).chain(moments).collect() }
+}
+
+fn harmonics(probes: &ShaderHarmonics) -> OtherLight {
+    let record = OtherRecord {
+        kind: OtherRecord::HARMONICS,
+        size: probes.grids.first().map_or([0; 3], |grid| grid.size.to_array()),
+        n_grids: probes.grids.len() as u32,
+        ..OtherRecord::default()
+    };
+    let grids = probes.grids.iter().flat_map(|grid| [grid.low, grid.spacing]);
+    let numbers = grids.chain(probes.coefficients.iter().flatten().copied());
+    OtherLight::Probes { record, texels: numbers.map(|number| number.extend(0.0).to_array()).collect() }
 }
 
 #[cfg(test)]
@@ -162,7 +185,6 @@ mod tests {
     use super::*;
     use localprt_scenes::{Light, LightKind, Sky};
     use localprt_systems::ProbeGrid;
-    use localprt_systems::irradiance_probes::MapSizes;
 
     #[test]
     fn a_system_is_told_of_what_changed_as_an_application_would() {
@@ -186,19 +208,11 @@ mod tests {
 
     #[test]
     fn probes_that_are_too_many_for_a_buffer_are_left_to_the_receivers() {
-        let probes = |count: usize| ShaderProbes {
-            grid: ProbeGrid::over((Vec3::ZERO, Vec3::ONE), 8),
-            positions: vec![Vec3::ZERO; count],
-            is_lit: Vec::new(),
-            maps: Vec::new(),
-            sizes: MapSizes::PAPER,
-            normal_bias_m: 0.0,
-            eye_bias_m: 0.0,
-            is_cage_biased: false,
-            stored_power: 1.0,
-            mean_power: 1.0,
+        let grid = ProbeGrid::over((Vec3::ZERO, Vec3::ONE), 8);
+        let probes = |count: usize| {
+            ShaderLight::Harmonics(ShaderHarmonics { grids: vec![grid], coefficients: vec![[Vec3::ZERO; 9]; count] })
         };
-        // A position, 10^2 and 18^2 texels of 16 B are 6,800 B: 19,737 times that and the record are below 2^27 B.
-        assert!(fits(&probes(19_737)) && !fits(&probes(19_738)));
+        // 9 numbers of 16 B are 144 B: 932,066 times that, the grid and the record are below 2^27 B.
+        assert!(fits(&probes(932_066)) && !fits(&probes(932_067)));
     }
 }
