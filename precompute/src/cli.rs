@@ -282,6 +282,9 @@ pub struct Relight {
     /// Scene with the lightmap coordinates [default: the one named in the baked file]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Material variant of the scene (KHR_materials_variants) [default: none]
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     /// Lighting file [default: the scene's own lights, black sky]
     #[arg(long, value_name = "L.json")]
     pub lights: Option<PathBuf>,
@@ -345,6 +348,9 @@ pub struct Validate {
     /// Scene with the lightmap coordinates [default: the one named in the baked file]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Material variant of the scene (KHR_materials_variants) [default: none]
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     /// Lighting file; may be given several times, the first one leads. With one file, the scene's own light is shown as
     /// well, if it has any [default: the scene's own lights, black sky]
     #[arg(long, value_name = "L.json")]

@@ -31,7 +31,7 @@ use crate::{
     rays::RayCaster,
     report::{BakeReport, CacheUse},
     scratch::Scratch,
-    settings::BakeSettings,
+    settings::{BakeSettings, Glass},
     transport::FitScene,
     volume::VolumeCells,
 };
@@ -40,7 +40,7 @@ use facts::{Finished, scene_facts};
 use failures::tree_error;
 use lay_out::{LaidOut, Space, lay_out_with};
 use localprt_formats::BakedArrays;
-use localprt_scenes::Scene;
+use localprt_scenes::{Material, Scene};
 use place::{Placed, volume_grid};
 use std::{
     convert::Infallible,
@@ -163,6 +163,22 @@ fn before_all<T>(end: ControlFlow<T, BakeOutput>) -> Result<T, BakeError> {
     end.break_value().ok_or_else(|| BakeError::Internal { what: "a bake went on that was to be left".into() })
 }
 
+/// The scene as light is to see it.
+fn without_clear(mut scene: Scene, settings: &BakeSettings, progress: &Progress) -> Scene {
+    let is_clear = |material: &Material| material.transmission > 0.0;
+    match settings.glass {
+        Glass::Clear => {
+            let triangles = scene.leave_out_clear();
+            progress.note(&format!("{triangles} triangles of clear materials are left out"));
+        }
+        Glass::Opaque if scene.materials.iter().any(is_clear) => {
+            progress.note("clear materials block light like others; --glass clear leaves them out");
+        }
+        Glass::Opaque => {}
+    }
+    scene
+}
+
 /// All stages. `leaves` makes those of transport, or leaves the bake with what it was for.
 fn run<T>(
     scene: Scene,
@@ -179,6 +195,7 @@ fn run<T>(
         });
     }
     let source = scene_facts(&scene);
+    let scene = without_clear(scene, settings, progress);
     if scene.face_count() == 0 {
         return Err(BakeError::Scene {
             what: "the scene has no triangles".into(),

@@ -351,6 +351,7 @@ fn of_now(part: &Mesh, is_back: bool, mesh: &Mesh, moved: Vec3) -> Mesh {
         name: format!("{}{back}", mesh.name),
         source: mesh.source.clone(),
         material: mesh.material,
+        variants: mesh.variants.clone(),
         lightmap: mesh.lightmap,
         ..part.clone()
     };

@@ -11,7 +11,19 @@ pub fn digest_of_scene(scene: &Scene) -> Digest {
     let materials = digests_of_materials(scene);
     let of_mesh = |mesh: &Mesh| {
         let mut digester = Digester::new("mesh");
-        let Mesh { name, source, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } = mesh;
+        let Mesh {
+            name,
+            source,
+            material,
+            positions,
+            normals,
+            tangents,
+            uv_sets,
+            colors,
+            triangles,
+            variants,
+            lightmap,
+        } = mesh;
         digester.all(name.as_bytes()).all(source.as_bytes()).one(*material as u64);
         digester
             .all(&tangents.iter().map(|tangent| tangent.to_array()).collect::<Vec<_>>())
@@ -22,6 +34,9 @@ pub fn digest_of_scene(scene: &Scene) -> Digest {
             digester.all(set);
         });
         digester.all(&colors.iter().map(|color| color.to_array()).collect::<Vec<_>>()).all(triangles);
+        variants.iter().flatten().for_each(|&index| {
+            digester.one(index as u64);
+        });
         digester.one(lightmap.texel_scale).one(u8::from(lightmap.bake)).finish()
     };
     let mut digester = Digester::new("scene");
@@ -35,8 +50,19 @@ pub fn digest_of_scene(scene: &Scene) -> Digest {
 
 /// Of all of a mesh that its charts depend on, but for where it is: not its name.
 pub fn digest_of_shape(scene: &Scene, mesh: &Mesh) -> Digest {
-    let Mesh { name: _, source: _, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } =
-        mesh;
+    let Mesh {
+        name: _,
+        source: _,
+        variants: _,
+        material,
+        positions,
+        normals,
+        tangents,
+        uv_sets,
+        colors,
+        triangles,
+        lightmap,
+    } = mesh;
     let mut digester = Digester::new("shape");
     digester.one(positions.len() as u64).all(normals).one(uv_sets.len() as u64);
     uv_sets.iter().for_each(|set| {

@@ -13,7 +13,7 @@ mod values;
 pub use bake_option::BakeOption;
 pub use layers::{FILL_IS_GONE, FLAG_LAYER, SettingsError, nearest, parse};
 pub use ranges::{MAX_PROBES, OutOfRange};
-pub use table::{BakeSettings, Density, OPTIONS, Preset, Transport, UnwrapBackend};
+pub use table::{BakeSettings, Density, Glass, OPTIONS, Preset, Transport, UnwrapBackend};
 pub use values::{Values, Word};
 
 impl BakeSettings {

@@ -120,6 +120,9 @@ fn document(scene: &Scene, path: &Path) -> Result<(Value, Vec<u8>), ExportError>
         asset["extras"] = json!({ "localprt": { "light_map_set": set } });
     }
     root.insert("asset".into(), asset);
+    if !scene.variants.is_empty() {
+        writer.extensions.push("KHR_materials_variants");
+    }
     writer.extensions.sort_unstable();
     writer.extensions.dedup();
     let extensions_used: Vec<Value> = writer.extensions.iter().map(|&name| name.into()).collect();
@@ -151,8 +154,16 @@ fn document(scene: &Scene, path: &Path) -> Result<(Value, Vec<u8>), ExportError>
         }
     }
     root.insert("scene".into(), 0.into());
+    let mut extensions = Map::new();
     if !lights.is_empty() {
-        root.insert("extensions".into(), json!({ "KHR_lights_punctual": { "lights": lights } }));
+        extensions.insert("KHR_lights_punctual".into(), json!({ "lights": lights }));
+    }
+    if !scene.variants.is_empty() {
+        let variants: Vec<Value> = scene.variants.iter().map(|name| json!({ "name": name })).collect();
+        extensions.insert("KHR_materials_variants".into(), json!({ "variants": variants }));
+    }
+    if !extensions.is_empty() {
+        root.insert("extensions".into(), extensions.into());
     }
     Ok((root.into(), writer.bin))
 }
@@ -236,6 +247,14 @@ impl Writer {
                 "mode": mesh::TRIANGLES,
             }],
         }));
+        if !mesh.variants.is_empty() {
+            self.extensions.push("KHR_materials_variants");
+            let mapping = |[variant, material]: &[usize; 2]| json!({ "material": material, "variants": [variant] });
+            let mappings: Vec<Value> = mesh.variants.iter().map(mapping).collect();
+            let last = self.meshes.len() - 1;
+            self.meshes[last]["primitives"][0]["extensions"] =
+                json!({ "KHR_materials_variants": { "mappings": mappings } });
+        }
         let mut node = json!({ "name": mesh.name, "mesh": self.meshes.len() - 1 });
         if mesh.lightmap != LightmapWish::default() {
             let LightmapWish { texel_scale, bake } = mesh.lightmap;
@@ -264,7 +283,11 @@ impl Writer {
         });
         if strength != 1.0 {
             self.extensions.push("KHR_materials_emissive_strength");
-            value["extensions"] = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": strength } });
+            value["extensions"]["KHR_materials_emissive_strength"] = json!({ "emissiveStrength": strength });
+        }
+        if material.transmission > 0.0 {
+            self.extensions.push("KHR_materials_transmission");
+            value["extensions"]["KHR_materials_transmission"] = json!({ "transmissionFactor": material.transmission });
         }
         if let Some(reference) = &material.emission_texture {
             value["emissiveTexture"] = self.texture_info(reference);

@@ -12,6 +12,7 @@ pub mod light;
 pub mod lighting;
 pub mod scene;
 mod unit;
+mod variants;
 
 pub use color::luminance;
 pub use gltf_export::{ExportError, export_glb};
@@ -23,3 +24,4 @@ pub use lighting::{Lighting, LightingError, MaterialOverride, Sky, SurfaceShadin
 pub use scene::{
     AlphaMode, Camera, FaceId, Image, LightmapWish, Material, Mesh, Scene, SurfacePoint, Texture, TextureRef, Wrap,
 };
+pub use variants::VariantError;

@@ -20,6 +20,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Perspective cameras of the file.
     pub cameras: Vec<Camera>,
+    /// Names of material variants: [`Scene::apply_variant`].
+    pub variants: Vec<String>,
     /// TEXCOORD set of all meshes that lays out the direct light map, where that is not the lightmap's (TEXCOORD_1).
     pub light_map_set: Option<usize>,
     /// What the sanitiser dropped.
@@ -58,6 +60,8 @@ pub struct Mesh {
     pub colors: Vec<Vec4>,
     /// Vertex indices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
+    /// Its material in some of the scene's variants: `[variant, material]`, indices into [`Scene::variants`] and [`Scene::materials`].
+    pub variants: Vec<[usize; 2]>,
     /// What its author wants of the lightmap.
     pub lightmap: LightmapWish,
 }
@@ -145,6 +149,9 @@ pub struct Material {
     pub alpha: AlphaMode,
     /// Visible, and reflecting, from both sides.
     pub double_sided: bool,
+    /// Share of light that passes through, KHR_materials_transmission: light transport takes such surfaces as opaque, or leaves them out
+    /// ([`Scene::leave_out_clear`]).
+    pub transmission: f32,
 }
 
 impl Default for Material {
@@ -161,6 +168,7 @@ impl Default for Material {
             roughness: 1.0,
             alpha: AlphaMode::Opaque,
             double_sided: false,
+            transmission: 0.0,
         }
     }
 }

@@ -233,13 +233,13 @@ fn an_array_in_the_place_of_an_object_is_refused() {
 }
 
 #[test]
-fn positions_stored_nowhere_or_only_with_draco_are_refused() {
+fn positions_stored_nowhere_are_refused() {
     let (mut root, bin) = square();
     root["accessors"][0].as_object_mut().expect("an object").remove("bufferView");
     assert_invalid(load_glb(&root, &bin), "/accessors/0");
     root["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_draco_mesh_compression": {"bufferView": 0}});
-    let error = load_glb(&root, &bin).expect_err("Draco is not read");
-    assert_eq!(error.kind, LoadErrorKind::Unsupported);
+    // Without the decoder it is another error.
+    let error = load_glb(&root, &bin).expect_err("no stream");
     assert!(error.help.contains("gltf-transform"), "{error}");
 }
 
@@ -395,10 +395,10 @@ fn images_are_decoded_and_bad_ones_named() {
     assert_eq!(error.kind, LoadErrorKind::Invalid);
     assert!(error.to_string().contains("broken"), "{error}");
 
-    root["textures"][1] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}});
+    root["textures"][1] = json!({"extensions": {"EXT_texture_avif": {"source": 0}}});
     let error = load_glb(&root, &bin).expect_err("an image of another format");
     assert_eq!(error.kind, LoadErrorKind::Unsupported);
-    assert!(error.to_string().contains("KHR_texture_basisu"), "{error}");
+    assert!(error.to_string().contains("EXT_texture_avif"), "{error}");
 }
 
 #[test]
@@ -542,7 +542,7 @@ fn containers_are_told_apart_by_content() {
 
 #[test]
 fn unknown_required_extensions_are_refused_by_name() {
-    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "ACME_magic"] {
+    for name in ["EXT_texture_avif", "MSFT_texture_dds", "KHR_gaussian_splatting", "ACME_magic"] {
         let (mut root, bin) = square();
         root["extensionsRequired"] = json!([name]);
         let error = load_glb(&root, &bin).expect_err("not read");

@@ -36,6 +36,7 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     let started = Instant::now();
     let baked = inputs::baked(&command.file)?;
     let scene = inputs::baked_scene(&command.file, baked.metadata(), command.scene.as_deref())?;
+    let scene = inputs::in_variant(scene, command.variant.as_deref())?;
     let baked = inputs::checked(&command.file, &baked)?;
     let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
     let caster = inputs::caster(&scene)?;

@@ -30,6 +30,7 @@ const MOST_CAMERAS: usize = 3;
 pub fn run(command: &Validate, progress: &Progress) -> Result<(), CommandError> {
     let baked = inputs::baked(&command.file)?;
     let scene = inputs::baked_scene(&command.file, baked.view().metadata, command.scene.as_deref())?;
+    let scene = inputs::in_variant(scene, command.variant.as_deref())?;
     let caster = inputs::caster(&scene)?;
     let settings = MeasureSettings {
         receivers: command.receivers,

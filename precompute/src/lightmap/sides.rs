@@ -57,6 +57,7 @@ pub fn split(mut scene: Scene, open_side: SideTest) -> Sides {
         };
         // Each mesh that uses the material comes by here, so nobody is left who wants it double-sided.
         scene.materials[mesh.material].double_sided = false;
+        mesh.variants.iter().for_each(|&[_, material]| scene.materials[material].double_sided = false);
         let back = part(&mesh, |triangle| live[triangle][1]);
         let front = part(&mesh, |triangle| live[triangle][0] || !live[triangle][1]);
         back_faces += back.triangles.len();
@@ -131,6 +132,7 @@ fn part(mesh: &Mesh, keep: impl Fn(usize) -> bool) -> Mesh {
         uv_sets: mesh.uv_sets.iter().map(|set| taken(set, &from)).collect(),
         colors: taken(&mesh.colors, &from),
         triangles,
+        variants: mesh.variants.clone(),
         lightmap: mesh.lightmap,
     }
 }

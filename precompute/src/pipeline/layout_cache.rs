@@ -83,7 +83,19 @@ pub(super) fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Ve
         .put(&scene.materials.iter().map(|material| u8::from(material.double_sided)).collect::<Vec<_>>())
         .put(&[scene.meshes.len() as u64]);
     for mesh in &scene.meshes {
-        let Mesh { name, source, material, positions, normals, tangents, uv_sets, colors, triangles, lightmap } = mesh;
+        let Mesh {
+            name,
+            source,
+            material,
+            positions,
+            normals,
+            tangents,
+            uv_sets,
+            colors,
+            triangles,
+            variants,
+            lightmap,
+        } = mesh;
         packer
             .put(name.as_bytes())
             .put(source.as_bytes())
@@ -92,7 +104,8 @@ pub(super) fn pack(scene: &Scene, layout: &LayoutReport, plan: &ChartPlan) -> Ve
             .put(normals)
             .put(tangents)
             .put(colors)
-            .put(triangles);
+            .put(triangles)
+            .put(&variants.iter().map(|pair| pair.map(|index| index as u64)).collect::<Vec<_>>());
         uv_sets.iter().for_each(|set| {
             packer.put(set);
         });
@@ -127,6 +140,7 @@ pub(super) fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutRepor
             tangents: record.take()?,
             colors: record.take()?,
             triangles: record.take()?,
+            variants: record.take::<[u64; 2]>()?.into_iter().map(|pair| pair.map(|index| index as usize)).collect(),
             uv_sets: (0..n_sets).map(|_| record.take()).collect::<Option<_>>()?,
         })
     };
@@ -140,7 +154,12 @@ pub(super) fn unpack(record: &[u8], scene: &Scene) -> Option<(Scene, LayoutRepor
     }
     let n_meshes: u64 = record.one()?;
     let meshes = (0..n_meshes).map(|_| mesh(&mut record)).collect::<Option<Vec<_>>>()?;
-    if meshes.iter().any(|mesh| mesh.material >= scene.materials.len()) {
+    let is_known = |mesh: &Mesh| {
+        let [variants, materials] = [scene.variants.len(), scene.materials.len()];
+        mesh.material < materials
+            && mesh.variants.iter().all(|&[variant, material]| variant < variants && material < materials)
+    };
+    if !meshes.iter().all(is_known) {
         return None;
     }
     let light_map_set = (set != u64::MAX).then_some(set as usize);

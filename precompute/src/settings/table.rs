@@ -102,6 +102,9 @@ bake_options! {
     /// SH degree of the light in that grid: 1 or 2
     volume_degree: u32 = 1 => within(1..=2), "L" in "Volume";
 
+    /// What light does with surfaces that let most of it through (KHR_materials_transmission)
+    glass: Glass = Glass::Opaque => any, "GLASS" in "Receivers";
+
     /// A leaf holds fewer receivers than this
     leaf: u32 = 1024 => within(2..=8192), "N" in "Compression", source: "SL17 4.1";
 
@@ -136,6 +139,14 @@ words! {
         Scale = "scale",
         /// As the paper's scenes have them
         Uniform = "uniform",
+    }
+
+    /// What light does with clear surfaces.
+    Glass {
+        /// Stops there: they have a lightmap, and are lit as if they were painted
+        Opaque = "opaque",
+        /// Passes unbent: they are no part of the baked scene
+        Clear = "clear",
     }
 
     /// How transport rows are made.

@@ -25,6 +25,9 @@ pub struct Cli {
     /// Scene with the lightmap coordinates [default: the one named in the baked file]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Material variant of the scene (KHR_materials_variants) [default: none]
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     /// Lighting file [default: the scene's own lights, black sky]
     #[arg(long, value_name = "L.json")]
     pub lights: Option<PathBuf>,

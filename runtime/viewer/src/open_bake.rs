@@ -38,6 +38,15 @@ pub(crate) fn stamp(path: &Path) -> Option<FileStamp> {
     Some((data.modified().ok()?, data.len()))
 }
 
+/// Which scene the user named for a file, and in which of its material variants.
+#[derive(Clone, Debug, Default)]
+pub struct SceneSource {
+    /// A file other than the one that the baked file names.
+    pub path: Option<PathBuf>,
+    /// A variant.
+    pub variant: Option<String>,
+}
+
 impl Files {
     /// The same from memory, in pages: a baked file, and its scene as one .glb with everything in it.
     ///
@@ -73,6 +82,14 @@ impl Files {
 
 #[cfg(not(target_arch = "wasm32"))]
 impl Files {
+    /// The same with the scene in a material variant, if one is named.
+    ///
+    /// # Errors
+    /// A variant that the scene lacks, or that has other holes than were baked.
+    pub fn in_variant(self, name: Option<&str>) -> Result<Self, CommandError> {
+        Ok(Self { scene: inputs::in_variant(self.scene, name)?, ..self })
+    }
+
     /// Whether they can be shown, as far as that is quick to tell.
     ///
     /// # Errors

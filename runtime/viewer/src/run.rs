@@ -5,7 +5,7 @@ use crate::cli::{Cli, OverlayName, Thing};
 use crate::daylight::{daylight, is_dark};
 use crate::frame::check_view;
 use crate::headless::{Headless, picture_size};
-use crate::open_bake::{Files, OpenBake};
+use crate::open_bake::{Files, OpenBake, SceneSource};
 use crate::other_light::Beside;
 use crate::state::{Ball, Bounces, Door, LitObject, SceneLight, ViewState, new_light, torch};
 use crate::window::{Reloaded, Session, WindowOptions};
@@ -21,7 +21,7 @@ use web_time::Instant;
 /// What the user has to know, with its exit code.
 pub fn run(cli: &Cli) -> Result<(), CommandError> {
     let started = Instant::now();
-    let files = Files::open(&cli.file, cli.scene.as_deref())?;
+    let files = Files::open(&cli.file, cli.scene.as_deref())?.in_variant(cli.variant.as_deref())?;
     let bake = OpenBake::new(&files)?;
     let mut lighting = inputs::lighting(cli.lights.as_deref(), &files.scene)?;
     let has_light = |thing: &Thing| matches!(thing, Thing::Torch | Thing::Lamp);
@@ -60,14 +60,15 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         app.notice = Some("nothing shone here, so there are a sun and a sky now".into());
     }
     app.shows_panel = !cli.no_panel;
-    let mut next = session.show(app, cli.scene.as_deref())?;
+    let source = SceneSource { path: cli.scene.clone(), variant: cli.variant.clone() };
+    let mut next = session.show(app, &source)?;
     drop(bake);
     drop(files);
     while let Some(Reloaded { files, kept }) = next {
         let bake = OpenBake::new(&files)?;
         let mut app = App::resume(&bake, kept);
         app.notice = Some(format!("{} has changed and was loaded again", files.path.display()));
-        next = session.show(app, cli.scene.as_deref())?;
+        next = session.show(app, &source)?;
     }
     Ok(())
 }

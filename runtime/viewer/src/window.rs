@@ -8,7 +8,7 @@ use crate::app::Kept;
 use crate::frame::Renderer;
 use crate::gpu::Gpu;
 #[cfg(not(target_arch = "wasm32"))]
-use crate::open_bake::{FileStamp, Files, stamp};
+use crate::open_bake::{FileStamp, Files, SceneSource, stamp};
 use crate::other_system::{Beneath, Found, Moment, News};
 use crate::panel::{Figures, History};
 use crate::scene_overlays::overlay_lines;
@@ -89,13 +89,13 @@ impl Session {
     }
 
     /// Shows a bake until the window is closed, or the file was replaced by another that can be shown: then that is returned, and
-    /// the window stays for it. `scene` is the one that the user named.
+    /// the window stays for it. `scene` is what the user named.
     ///
     /// # Errors
     /// No display, no adapter, a device that is too small.
-    pub fn show(&mut self, app: App<'_>, scene: Option<&Path>) -> Result<Option<Reloaded>, CommandError> {
+    pub fn show(&mut self, app: App<'_>, scene: &SceneSource) -> Result<Option<Reloaded>, CommandError> {
         let mut host = Host::new(app, self.options.clone());
-        host.replaced.scene = scene.map(Path::to_owned);
+        host.replaced.scene = scene.clone();
         if let Some((instance, window)) = self.window.take() {
             host.take_over(instance, window)?;
         }
@@ -121,7 +121,7 @@ struct Replaced {
     /// As the file shown was, or the last one that could not be shown.
     stamp: Option<FileStamp>,
     next_look: Instant,
-    scene: Option<PathBuf>,
+    scene: SceneSource,
     /// The one that took its place.
     by: Option<Files>,
 }
@@ -141,7 +141,9 @@ impl Replaced {
             return None;
         }
         self.stamp = found;
-        let opened = Files::open(path, self.scene.as_deref()).and_then(|files| files.check().map(|()| files));
+        let opened = Files::open(path, self.scene.path.as_deref())
+            .and_then(|files| files.in_variant(self.scene.variant.as_deref()))
+            .and_then(|files| files.check().map(|()| files));
         match opened {
             Ok(files) => {
                 self.by = Some(files);
@@ -228,7 +230,7 @@ impl<'a> Host<'a> {
             n_frames: 0,
             n_losses: 0,
             #[cfg(not(target_arch = "wasm32"))]
-            replaced: Replaced { stamp, next_look: Instant::now(), scene: None, by: None },
+            replaced: Replaced { stamp, next_look: Instant::now(), scene: SceneSource::default(), by: None },
             #[cfg(target_arch = "wasm32")]
             coming: Default::default(),
         }

@@ -8,6 +8,7 @@ use gltf::json;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 const REPAIR: &str = "export the file again or repair it (npx gltf-validator names every fault)";
 
@@ -21,15 +22,21 @@ pub(super) struct View<'a> {
 }
 
 /// Checks all buffer views against their buffers.
+///
+/// `decoded` has the bytes of those that are stored compressed.
 pub(super) fn views<'a>(
     source: &Source,
     document: &Document,
     buffers: &'a [Cow<'_, [u8]>],
+    decoded: &'a [Option<Vec<u8>>],
 ) -> Result<Vec<View<'a>>, LoadError> {
     let view_of = |(index, view): (usize, &json::buffer::View)| {
         let place = pointer("bufferViews", index);
-        let buffer = &buffers[view.buffer.value()];
-        let (offset, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
+        let (buffer, start) = match &decoded[index] {
+            Some(bytes) => (bytes.as_slice(), 0),
+            None => (&*buffers[view.buffer.value()], view.byte_offset.unwrap_or_default().0),
+        };
+        let (offset, length) = (start, view.byte_length.0);
         let end = offset.checked_add(length).filter(|&end| end <= buffer.len() as u64).ok_or_else(|| {
             let present = buffer.len();
             let found = format!("byteOffset {offset} + byteLength {length} in a buffer of {present} bytes");
@@ -73,11 +80,14 @@ struct Sparse<'a> {
 }
 
 /// Checks all accessors against their buffer views.
+///
+/// `decoded` has the elements of those that are stored elsewhere, without gaps.
 pub(super) fn accessors<'a>(
     source: &Source,
     limits: &Limits,
     document: &Document,
     views: &[View<'a>],
+    decoded: &'a BTreeMap<usize, Vec<u8>>,
 ) -> Result<Vec<Accessor<'a>>, LoadError> {
     // Each sparse element has bytes of its own in a sound file; without this, many accessors over the same bytes could
     // ask for any amount of work.
@@ -90,7 +100,8 @@ pub(super) fn accessors<'a>(
             let found = format!("{sparse} sparse elements up to here, more than the buffers have bytes");
             return Err(source.too_large(place, found, most_sparse, REPAIR));
         }
-        open(source, limits, accessor, views, place)
+        let elsewhere = decoded.get(&index).map(|bytes| View { bytes, stride: None, offset: 0 });
+        open(source, limits, accessor, views, elsewhere, place)
     };
     document.accessors.iter().enumerate().map(of).collect()
 }
@@ -100,6 +111,7 @@ fn open<'a>(
     limits: &Limits,
     accessor: &json::Accessor,
     views: &[View<'a>],
+    elsewhere: Option<View<'a>>,
     place: String,
 ) -> Result<Accessor<'a>, LoadError> {
     let (Checked::Valid(component), Checked::Valid(shape)) = (&accessor.component_type, &accessor.type_) else {
@@ -111,11 +123,9 @@ fn open<'a>(
         return Err(source.invalid(place, "count 0, must be at least 1", "remove empty meshes before exporting"));
     }
     let element = element_bytes(shape, component);
-    let base = match accessor.buffer_view {
-        Some(view) => {
-            let range = Range { offset: accessor.byte_offset.unwrap_or_default().0, count, element };
-            Some(elements(source, &place, views[view.value()], range, component)?)
-        }
+    let stored = accessor.buffer_view.map(|view| (views[view.value()], accessor.byte_offset.unwrap_or_default().0));
+    let base = match stored.or(elsewhere.map(|view| (view, 0))) {
+        Some((view, offset)) => Some(elements(source, &place, view, Range { offset, count, element }, component)?),
         None if count > limits.implicit_count => {
             let found = format!("{count} elements without a bufferView");
             return Err(source.too_large(place, found, limits.implicit_count, "store the data in a bufferView"));

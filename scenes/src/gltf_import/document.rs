@@ -30,12 +30,15 @@ pub(super) struct Document {
     pub scenes: Vec<Vec<usize>>,
     /// The default scene.
     pub scene: Option<usize>,
+    /// Names of KHR_materials_variants.
+    pub variants: Vec<String>,
     /// `/asset/extras/localprt/light_map_set`, as this program writes it.
     pub light_map_set: Option<usize>,
 }
 
 /// A texture's image and sampler. The `gltf` crate demands an image, but an extension may hold it.
 pub(super) struct TextureSource {
+    /// That of every reader, or else of an extension that is read.
     pub image: Option<usize>,
     pub sampler: Option<usize>,
     /// The extension that holds an image of another format.
@@ -44,6 +47,12 @@ pub(super) struct TextureSource {
 
 /// Extensions that may be required: read, or without effect on diffuse light transport.
 const READ_EXTENSIONS: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    #[cfg(feature = "compressed")]
+    "EXT_texture_webp",
+    #[cfg(feature = "compressed")]
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -59,6 +68,9 @@ const READ_EXTENSIONS: &[&str] = &[
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    #[cfg(feature = "compressed")]
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
 
@@ -76,8 +88,12 @@ const INDICES: &[(&str, &str)] = &[
     ("accessors/*/sparse/indices/bufferView", "bufferViews"),
     ("accessors/*/sparse/values/bufferView", "bufferViews"),
     ("bufferViews/*/buffer", "buffers"),
+    ("bufferViews/*/extensions/EXT_meshopt_compression/buffer", "buffers"),
+    ("bufferViews/*/extensions/KHR_meshopt_compression/buffer", "buffers"),
     ("images/*/bufferView", "bufferViews"),
     ("textures/*/source", "images"),
+    ("textures/*/extensions/EXT_texture_webp/source", "images"),
+    ("textures/*/extensions/KHR_texture_basisu/source", "images"),
     ("textures/*/sampler", "samplers"),
     ("materials/*/pbrMetallicRoughness/baseColorTexture/index", "textures"),
     ("materials/*/pbrMetallicRoughness/metallicRoughnessTexture/index", "textures"),
@@ -88,11 +104,18 @@ const INDICES: &[(&str, &str)] = &[
     ("meshes/*/primitives/*/attributes/*", "accessors"),
     ("meshes/*/primitives/*/indices", "accessors"),
     ("meshes/*/primitives/*/material", "materials"),
+    ("meshes/*/primitives/*/extensions/KHR_draco_mesh_compression/bufferView", "bufferViews"),
+    ("meshes/*/primitives/*/extensions/KHR_materials_variants/mappings/*/material", "materials"),
+    (
+        "meshes/*/primitives/*/extensions/KHR_materials_variants/mappings/*/variants/*",
+        "extensions/KHR_materials_variants/variants",
+    ),
     ("meshes/*/primitives/*/targets/*/*", "accessors"),
     ("nodes/*/camera", "cameras"),
     ("nodes/*/children/*", "nodes"),
     ("nodes/*/mesh", "meshes"),
     ("nodes/*/skin", "skins"),
+    ("nodes/*/extensions/EXT_mesh_gpu_instancing/attributes/*", "accessors"),
     ("nodes/*/extensions/KHR_lights_punctual/light", "extensions/KHR_lights_punctual/lights"),
     ("scenes/*/nodes/*", "nodes"),
     ("scene", "scenes"),
@@ -137,6 +160,11 @@ pub(super) fn parse(source: &Source, text: &[u8]) -> Result<Document, LoadError>
             .map(|scene| array(source, &root, &format!("/scenes/{scene}/nodes")).map(indices_in))
             .collect::<Result<_, _>>()?,
         scene: root["scene"].as_u64().map(|index| index as usize),
+        variants: array(source, &root, "/extensions/KHR_materials_variants/variants")?
+            .iter()
+            .enumerate()
+            .map(|(number, variant)| variant["name"].as_str().map_or(format!("variant_{number}"), str::to_owned))
+            .collect(),
         light_map_set: match root.pointer(LIGHT_MAP_SET) {
             None => None,
             Some(set) => Some(set.as_u64().ok_or_else(|| {
@@ -184,14 +212,10 @@ fn check_required_extensions(source: &Source, root: &Value) -> Result<(), LoadEr
 pub(super) fn remedy_for(extension: &str) -> &'static str {
     match extension {
         "KHR_draco_mesh_compression" => "decode it with `npx @gltf-transform/cli copy IN.glb OUT.glb`",
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "decode it with `npx @gltf-transform/cli copy IN.glb OUT.glb`, or pack it anew with `gltfpack -noq` and no -c"
-        }
         "KHR_texture_basisu" => "decode it with `npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb`",
         "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
             "convert its images with `npx @gltf-transform/cli png IN.glb OUT.glb`"
         }
-        "EXT_mesh_gpu_instancing" => "write its instances as nodes: import it into Blender and export it again",
         _ => "export the file without it, or try `npx @gltf-transform/cli copy IN.glb OUT.glb`",
     }
 }
@@ -293,8 +317,12 @@ pub(super) fn typed<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
 }
 
 fn texture_source(texture: &Value) -> TextureSource {
+    // Of two images of one texture that of every reader is the one that others were made from.
+    let read = TEXTURE_EXTENSIONS.iter().filter(|name| READ_EXTENSIONS.contains(name));
+    let mut sources =
+        std::iter::once(&texture["source"]).chain(read.map(|name| &texture["extensions"][*name]["source"]));
     TextureSource {
-        image: texture["source"].as_u64().map(|index| index as usize),
+        image: sources.find_map(Value::as_u64).map(|index| index as usize),
         sampler: texture["sampler"].as_u64().map(|index| index as usize),
         extension: TEXTURE_EXTENSIONS.iter().find(|name| texture["extensions"][**name].is_object()).copied(),
     }

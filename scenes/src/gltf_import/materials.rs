@@ -125,12 +125,20 @@ fn convert(source: &Source, material: &json::Material, index: usize) -> Result<M
         roughness: pbr.roughness_factor.0,
         alpha,
         double_sided: material.double_sided,
+        transmission: transmission(extensions),
     };
     if let Some(value) = extensions.and_then(|extensions| extensions.others.get(SPECULAR_GLOSSINESS)) {
         slots.specular_glossiness(&mut converted, value)?;
     }
     check(source, &place, &converted)?;
     Ok(converted)
+}
+
+/// The factor of KHR_materials_transmission; its texture is not read.
+fn transmission(extensions: Option<&json::extensions::material::Material>) -> f32 {
+    let extension = extensions.and_then(|extensions| extensions.others.get("KHR_materials_transmission"));
+    let factor = extension.and_then(|extension| extension.get("transmissionFactor")?.as_f64());
+    factor.map_or(0.0, |factor| factor.clamp(0.0, 1.0) as f32)
 }
 
 /// Refuses numbers that light transport cannot use.

@@ -8,9 +8,14 @@
 mod accessors;
 mod container;
 mod document;
+#[cfg(feature = "compressed")]
+mod draco;
 mod error;
 mod geometry;
+mod images;
+mod instancing;
 mod materials;
+mod meshopt;
 mod nodes;
 mod resources;
 mod sanitize;
@@ -23,8 +28,10 @@ use crate::scene::{Material, Mesh, Scene};
 use document::Document;
 use error::Source;
 use geometry::Geometry;
+use glam::DMat4;
 use nodes::Placed;
 use resources::{Neighbors, Resources};
+use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -88,8 +95,13 @@ fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) 
     let placed = nodes::place(source, limits, &document)?;
     let mut resources = Resources::new(source, limits, bytes, neighbors);
     let buffers = resources.buffers(&document, container.bin)?;
-    let views = accessors::views(source, &document, &buffers)?;
-    let accessors = accessors::accessors(source, limits, &document, &views)?;
+    let decoded = meshopt::views(source, limits, &document, &buffers)?;
+    let views = accessors::views(source, &document, &buffers, &decoded)?;
+    #[cfg(feature = "compressed")]
+    let streamed = draco::accessors(source, limits, &document, &views)?;
+    #[cfg(not(feature = "compressed"))]
+    let streamed = std::collections::BTreeMap::new();
+    let accessors = accessors::accessors(source, limits, &document, &views, &streamed)?;
     let geometry = Geometry { source, limits, document: &document, accessors: &accessors };
     let mut meshes = instances(&geometry, &placed)?;
     let mut appearance = materials::read(source, &document, &views, &mut resources)?;
@@ -109,6 +121,7 @@ fn import(source: &Source, limits: &Limits, bytes: &[u8], neighbors: Neighbors) 
         images: appearance.images,
         lights: nodes::lights(source, &document, &placed)?,
         cameras: nodes::cameras(source, &document, &placed)?,
+        variants: document.variants.clone(),
         light_map_set: document.light_map_set,
         hash: resources.hash(),
         ..Scene::default()
@@ -138,18 +151,36 @@ fn instances(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<Vec<Mesh>, Lo
             }
         };
         let name = nodes::name_of([&document.nodes[*node].name, &data.name], "mesh", mesh);
-        for (primitive, shape) in shapes.iter().enumerate() {
-            let Some(shape) = shape else { continue };
-            meshes.push(Mesh {
-                name: name.clone(),
-                source: geometry::place_of(mesh, primitive),
-                material: data.primitives[primitive].material.map_or(NO_MATERIAL, |material| material.value()),
-                lightmap: *lightmap,
-                ..geometry.place(shape, *to_world, *node)?
-            });
+        let copies = instancing::transforms(geometry, *node)?.unwrap_or_else(|| vec![DMat4::IDENTITY]);
+        for to_node in copies {
+            for (primitive, shape) in shapes.iter().enumerate() {
+                let Some(shape) = shape else { continue };
+                meshes.push(Mesh {
+                    name: name.clone(),
+                    source: geometry::place_of(mesh, primitive),
+                    material: data.primitives[primitive].material.map_or(NO_MATERIAL, |material| material.value()),
+                    variants: variants_of(geometry, mesh, primitive),
+                    lightmap: *lightmap,
+                    ..geometry.place(shape, *to_world * to_node, *node)?
+                });
+            }
         }
     }
     Ok(meshes)
+}
+
+/// Materials of a primitive in variants of the scene.
+fn variants_of(geometry: &Geometry<'_>, mesh: usize, primitive: usize) -> Vec<[usize; 2]> {
+    let extensions = geometry.document.meshes[mesh].primitives[primitive].extensions.as_ref();
+    let extension = extensions.and_then(|extensions| extensions.others.get("KHR_materials_variants"));
+    let mappings = extension.and_then(|extension| extension["mappings"].as_array());
+    let of_mapping = |mapping: &Value| {
+        // Both are in range, if they are there.
+        let material = mapping["material"].as_u64()? as usize;
+        let variants = mapping["variants"].as_array()?.iter().filter_map(Value::as_u64);
+        Some(variants.map(|variant| [variant as usize, material]).collect::<Vec<_>>())
+    };
+    mappings.into_iter().flatten().filter_map(of_mapping).flatten().collect()
 }
 
 /// Refuses what no bake could hold before any of it is read, and meshes that are broken though nothing draws them.
@@ -167,7 +198,8 @@ fn check_counts(geometry: &Geometry<'_>, placed: &[Placed]) -> Result<(), LoadEr
     let mut total: u64 = 0;
     for placed in placed {
         if let Some(mesh) = document.nodes[placed.node].mesh {
-            total = total.saturating_add(counts[mesh.value()]);
+            let copies = instancing::count(geometry, placed.node)?.unwrap_or(1);
+            total = total.saturating_add(counts[mesh.value()].saturating_mul(copies));
             geometry.check_total(total, placed.node)?;
         }
     }

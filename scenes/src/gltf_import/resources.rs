@@ -3,14 +3,14 @@
 use super::accessors::View;
 use super::document::{Document, pointer, remedy_for};
 use super::error::{LoadError, Source, unreadable};
+use super::images::Format;
+use super::meshopt;
 use crate::scene::Image;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use image::{ImageFormat, ImageReader};
 use std::borrow::Cow;
 use std::fs;
-use std::io::{self, Cursor, Read};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
 /// Most that a scene may ask for. A file beyond a limit is refused before anything of that size is allocated.
@@ -30,6 +30,8 @@ pub struct Limits {
     pub image_pixels: u64,
     /// Triangles of the scene, every instance counted.
     pub triangles: u64,
+    /// Instances of one node.
+    pub instances: u64,
     /// Entries of an accessor that stores nothing (all zero, or sparse).
     pub implicit_count: u64,
     /// Levels of nodes below a root.
@@ -46,6 +48,7 @@ impl Default for Limits {
             image_side: 16384,
             image_pixels: 256 << 20,
             triangles: 100_000_000,
+            instances: 1 << 20,
             implicit_count: 1 << 22,
             depth: 1000,
         }
@@ -89,8 +92,9 @@ impl<'a> Resources<'a> {
         *self.hasher.finalize().as_bytes()
     }
 
-    /// All buffers, each exactly as long as it says.
+    /// All buffers, each exactly as long as it says; empty where views hold all that it would.
     pub fn buffers<'b>(&mut self, document: &Document, bin: Option<&'b [u8]>) -> Result<Vec<Cow<'b, [u8]>>, LoadError> {
+        let placeholders = meshopt::placeholders(document);
         let mut total: u64 = 0;
         let mut buffers = Vec::new();
         for (index, buffer) in document.buffers.iter().enumerate() {
@@ -101,13 +105,20 @@ impl<'a> Resources<'a> {
                 let found = format!("{total} bytes of buffers");
                 return Err(self.source.too_large(place, found, self.limits.buffer_bytes, SMALLER));
             }
+            if placeholders[index] {
+                buffers.push(Cow::Borrowed(&[][..]));
+                continue;
+            }
             let (mut bytes, what) = match (&buffer.uri, bin) {
                 (Some(uri), _) => {
                     let place = format!("{place}/uri");
                     (Cow::Owned(self.read_uri(&place, uri, Amount::First(length))?), "its uri")
                 }
                 (None, Some(bin)) if index == 0 => (Cow::Borrowed(bin), "the GLB's binary chunk"),
-                (None, _) => return Err(self.buffer_without_data(document, index)),
+                (None, _) => {
+                    let found = "a buffer without uri that is not the GLB's binary chunk";
+                    return Err(self.source.invalid(place, found, REFERENCE));
+                }
             };
             let present = bytes.len() as u64;
             if present < length {
@@ -121,17 +132,6 @@ impl<'a> Resources<'a> {
             buffers.push(bytes);
         }
         Ok(buffers)
-    }
-
-    fn buffer_without_data(&self, document: &Document, index: usize) -> LoadError {
-        let place = pointer("buffers", index);
-        let others = document.buffers[index].extensions.as_ref().map(|extensions| &extensions.others);
-        for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
-            if others.is_some_and(|others| others.contains_key(name)) {
-                return self.source.unsupported(place, format!("data stored only with {name}"), remedy_for(name));
-            }
-        }
-        self.source.invalid(place, "a buffer without uri that is not the GLB's binary chunk", REFERENCE)
     }
 
     /// Reads and decodes one image.
@@ -162,21 +162,14 @@ impl<'a> Resources<'a> {
     }
 
     fn decode(&mut self, place: &str, name: String, encoded: Vec<u8>) -> Result<Image, LoadError> {
-        let (format, mime) = match image::guess_format(&encoded) {
-            Ok(ImageFormat::Png) => (ImageFormat::Png, "image/png"),
-            Ok(ImageFormat::Jpeg) => (ImageFormat::Jpeg, "image/jpeg"),
-            _ => return Err(self.other_format(place, &name, &encoded)),
+        let format = match Format::of(&encoded) {
+            Some(format) => format,
+            None => return Err(self.other_format(place, &name, &encoded)),
         };
         let broken = |reason: String| {
             self.source.resource(place, &name, reason, "save the image again as PNG or JPEG, or remove its texture")
         };
-        let reader = || ImageReader::with_format(Cursor::new(encoded.as_slice()), format);
-        let guarded = |work: &dyn Fn() -> image::ImageResult<_>| catch_unwind(AssertUnwindSafe(work));
-        let (width, height) = match catch_unwind(AssertUnwindSafe(|| reader().into_dimensions())) {
-            Ok(Ok(size)) => size,
-            Ok(Err(error)) => return Err(broken(error.to_string())),
-            Err(_) => return Err(broken("the image decoder failed".into())),
-        };
+        let (width, height) = format.size(&encoded).map_err(broken)?;
         let pixels = self.pixels.saturating_add(u64::from(width) * u64::from(height));
         let side = self.limits.image_side;
         if width > side || height > side {
@@ -187,22 +180,10 @@ impl<'a> Resources<'a> {
             let found = format!("{pixels} pixels in all images up to {name:?}");
             return Err(self.source.too_large(place, found, self.limits.image_pixels, "scale images down"));
         }
-        let rgba = match guarded(&|| {
-            let mut reader = reader();
-            let mut limits = image::Limits::default();
-            limits.max_image_width = Some(side);
-            limits.max_image_height = Some(side);
-            // RGBA with 16 bits per channel is the widest pixel; as much again for the decoder's own rows.
-            limits.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + (1 << 20));
-            reader.limits(limits);
-            Ok(reader.decode()?.into_rgba8().into_raw())
-        }) {
-            Ok(Ok(rgba)) => rgba,
-            Ok(Err(error)) => return Err(broken(error.to_string())),
-            Err(_) => return Err(broken("the image decoder failed".into())),
-        };
+        let rgba = format.pixels(&encoded, [width, height], side).map_err(broken)?;
         self.pixels = pixels;
-        Ok(Image { name, width, height, rgba, encoded: Some((mime.into(), encoded)) })
+        let encoded = format.mime().map(|mime| (mime.into(), encoded));
+        Ok(Image { name, width, height, rgba, encoded })
     }
 
     fn other_format(&self, place: &str, name: &str, encoded: &[u8]) -> LoadError {
@@ -210,7 +191,14 @@ impl<'a> Resources<'a> {
             [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => ("WebP", "EXT_texture_webp"),
             [0xab, b'K', b'T', b'X', ..] => ("KTX2", "KHR_texture_basisu"),
             [b'D', b'D', b'S', b' ', ..] => ("DDS", "MSFT_texture_dds"),
-            _ => return self.source.resource(place, name, "neither PNG nor JPEG", "save the image as PNG or JPEG"),
+            _ => {
+                return self.source.resource(
+                    place,
+                    name,
+                    "neither PNG nor JPEG nor another format that is read",
+                    "save the image as PNG or JPEG",
+                );
+            }
         };
         self.source.unsupported(place, format!("image {name:?} in {format} format"), remedy_for(extension))
     }

@@ -216,7 +216,7 @@ fn parse_materials(place: &Place) -> Result<BTreeMap<String, MaterialOverride>, 
 }
 
 /// The three names that differ least from the one asked for, quoted.
-fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
+pub(crate) fn near_names(name: &str, known: &BTreeSet<&str>) -> String {
     let mut near: Vec<&str> = known.iter().copied().collect();
     near.sort_by_key(|candidate| strsim::levenshtein(&name.to_lowercase(), &candidate.to_lowercase()));
     let quoted: Vec<String> = near.iter().take(3).map(|name| format!("\"{name}\"")).collect();

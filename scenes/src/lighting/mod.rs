@@ -14,6 +14,7 @@ mod shading;
 mod sky;
 
 pub use error::LightingError;
+pub(crate) use json::near_names;
 pub use shading::SurfaceShading;
 
 use crate::light::Light;

@@ -81,6 +81,14 @@ pub fn baked_scene(file: &Path, metadata: &Metadata, given: Option<&Path>) -> Re
     Err(CommandError::new(Exit::InvalidInput, what).in_file(&path).help(help))
 }
 
+/// A scene in one of its material variants, if one is named.
+pub fn in_variant(mut scene: Scene, name: Option<&str>) -> Result<Scene, CommandError> {
+    if let Some(name) = name {
+        scene.apply_variant(name).map_err(|error| CommandError::of(Exit::InvalidInput, &error).help(error.help()))?;
+    }
+    Ok(scene)
+}
+
 /// A lighting file, or the scene's own lights under a black sky.
 pub fn lighting(path: Option<&Path>, scene: &Scene) -> Result<Lighting, CommandError> {
     let Some(path) = path else { return Ok(Lighting::of_scene(scene)) };
