@@ -180,6 +180,7 @@ const LIMITS: Limits = Limits {
     image_side: 512,
     image_pixels: 1 << 18,
     triangles: 1 << 14,
+    instances: 1 << 12,
     implicit_count: 1 << 12,
     depth: 32,
 };

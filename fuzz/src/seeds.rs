@@ -135,8 +135,18 @@ pub fn scenes(bake: &Bake) -> Vec<Vec<u8>> {
         material.double_sided = true;
     }
     textured.lights = builtin::scene("cornell").expect("a scene").lights;
-    vec![written(&bake.output.scene), written(&textured), GLTF.as_bytes().to_vec()]
+    let plain = [written(&bake.output.scene), written(&textured), GLTF.as_bytes().to_vec()];
+    plain.into_iter().chain(COMPRESSED.map(<[u8]>::to_vec)).collect()
 }
+
+/// Packed as the web packs them.
+const COMPRESSED: [&[u8]; 5] = [
+    include_bytes!("../../scenes/tests/compressed/cornell-draco.glb"),
+    include_bytes!("../../scenes/tests/compressed/cornell-meshopt.glb"),
+    include_bytes!("../../scenes/tests/compressed/picture-webp.glb"),
+    include_bytes!("../../scenes/tests/compressed/picture-etc1s.glb"),
+    include_bytes!("../../scenes/tests/compressed/picture-uastc.glb"),
+];
 
 /// A triangle twice, once by sparse values and once as a strip, under nodes with cameras and lights.
 const GLTF: &str = r#"{"asset":{"version":"2.0"},"extensionsRequired":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":{"lights":[

@@ -135,6 +135,12 @@ pub enum Command {
     Scene(Scene),
     /// Bake, relight and validate the Cornell box, and say where the pictures are
     Demo(Demo),
+    /// Say what this machine and this build have for baking and relighting, what is missing, and how to get it
+    Doctor(Doctor),
+    /// Print what makes a shell complete this command
+    Completions(Completions),
+    /// Write the manual pages
+    Man(Man),
 }
 
 /// `precompute bake`
@@ -303,6 +309,12 @@ pub struct Relight {
     /// Write 16-bit instead of 32-bit floats into the .exr
     #[arg(long, requires = "output")]
     pub half: bool,
+    /// The same as a texture of 16-bit floats, for engines: irradiance, alpha 1 where there is light
+    #[arg(long, value_name = "OUT.ktx2", group = "outputs")]
+    pub ktx2: Option<PathBuf>,
+    /// The scene with all of this light in it, for programs that know nothing of lightmaps: one texture of what surfaces send out
+    #[arg(long, value_name = "OUT.glb", group = "outputs")]
+    pub glb: Option<PathBuf>,
     /// Every valid receiver with its indirect irradiance, as binary PLY
     #[arg(long, value_name = "OUT.ply", group = "outputs")]
     pub receivers: Option<PathBuf>,
@@ -518,12 +530,36 @@ pub struct Demo {
     pub output: PathBuf,
 }
 
+/// `precompute doctor`
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `precompute completions`
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// Which shell
+    #[arg(value_name = "SHELL", value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+/// `precompute man`
+#[derive(Debug, Args)]
+pub struct Man {
+    /// Folder to write into, such as ~/.local/share/man/man1; made if missing
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+}
+
 impl Validate {
     /// Keys that a list of scenes has for the options: their flags with underscores, but for those that name files.
     pub fn keys() -> Vec<String> {
         let command = Self::augment_args(clap::Command::new("validate"));
         let keys = command.get_arguments().map(|argument| argument.get_id().to_string());
-        keys.filter(|key| !["file", "output", "scene", "lights"].contains(&key.as_str())).collect()
+        keys.filter(|key| !["file", "output", "scene", "lights", "variant"].contains(&key.as_str())).collect()
     }
 
     /// Refuses flags as the command would, in its words.

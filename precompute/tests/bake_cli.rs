@@ -1,5 +1,7 @@
 //! The command from outside with real, small bakes: files, streams, determinism, interruption.
 
+use localprt_precompute::rays::RayCaster;
+use localprt_scenes::load;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -92,6 +94,81 @@ fn a_scene_becomes_a_file_and_the_file_becomes_pictures() {
     assert!(figures["irradiance"]["mean"][0].as_f64() > Some(0.0), "light reaches the receivers");
     assert_eq!(&std::fs::read(folder.join("a.png")).expect("a file")[1..4], b"PNG");
     assert_eq!(std::fs::read(folder.join("a.exr")).expect("a file")[..4], [0x76, 0x2f, 0x31, 0x01]);
+}
+
+#[test]
+fn programs_without_a_runtime_get_a_texture_and_a_lit_scene() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    bake(folder, &[]);
+    let arguments = ["relight", "a.lprt", "-q", "--ktx2", "a.ktx2", "--glb", "lit.glb", "--json", "-"];
+    let relit = json(&run(&arguments, folder).stdout);
+    let texture = std::fs::read(folder.join("a.ktx2")).expect("a texture");
+    assert!(texture.starts_with(b"\xabKTX 20\xbb") && texture.len() > 32 * 32 * 8);
+
+    // As a reader of glTF sees it: what is sent out in each direction, without lights.
+    let (plain, lit) = (load(folder.join("a.glb")).expect("reads"), load(folder.join("lit.glb")).expect("reads"));
+    assert_eq!((lit.lights.len(), lit.face_count()), (0, plain.face_count()));
+    assert!(lit.materials.iter().all(|material| material.base_color.truncate() == glam::Vec3::ZERO));
+    let mesh = plain.meshes.iter().position(|mesh| mesh.name == "floor").expect("a floor");
+    let middle = glam::Vec3::splat(1.0 / 3.0);
+    let caster = RayCaster::new(&plain).expect("a tree");
+    for triangle in 0..plain.meshes[mesh].triangles.len() {
+        let sent = lit.emission(mesh, triangle, middle);
+        let position = plain.position(mesh, triangle, middle);
+        let normal = glam::Vec3::Y;
+        // Below the blocks there is no light, and other charts lie there.
+        if caster.closest_hit(position + 1e-3 * normal, normal).is_none_or(|hit| hit.t < 1.5) {
+            continue;
+        }
+        let albedo = plain.base_color(mesh, triangle, middle).truncate();
+        let incident = plain.lights[0].incident(position).expect("the lamp");
+        let direct = incident.irradiance * incident.dir_to_light.dot(normal).max(0.0);
+        let mean =
+            glam::Vec3::from_array(serde_json::from_value(relit["irradiance"]["mean"].clone()).expect("three numbers"));
+        // Unshadowed and with the mean indirect light it is this; small maps and a shadow leave a factor of two.
+        let expected = albedo / std::f32::consts::PI * (direct + mean);
+        let ratio = sent.element_sum() / expected.element_sum();
+        assert!((0.3..1.7).contains(&ratio), "{position}: {sent} {expected}");
+    }
+}
+
+#[test]
+fn clear_glass_is_left_out_and_variants_change_materials_alone() {
+    let folder = tempfile::tempdir().expect("folder");
+    let folder = folder.path();
+    let mut scene = localprt_scenes::builtin::scene("cornell").expect("a scene");
+    let [red, green] = ["red", "green"].map(|name| {
+        scene.materials.iter().position(|material| material.name == name).expect("a material of this name")
+    });
+    scene.materials[green].transmission = 1.0;
+    scene.variants = vec!["blue hour".into()];
+    scene.meshes.iter_mut().filter(|mesh| mesh.material == red).for_each(|mesh| mesh.variants = vec![[0, green]]);
+    localprt_scenes::export_glb(&scene, folder.join("hall.glb")).expect("writes");
+    let bake = |glass: &str| {
+        let arguments = [&["bake", "hall.glb", "-o", "a.lprt", "--no-cache", "--glass", glass][..], &SMALL].concat();
+        let output = run(&arguments, folder);
+        assert_exit(&output, 0);
+        text(&output.stderr).to_owned()
+    };
+    let has_wall = || {
+        let scene = load(folder.join("a.glb")).expect("reads");
+        scene.meshes.iter().any(|mesh| scene.materials[mesh.material].name == "green")
+    };
+    assert!(bake("opaque").contains("--glass clear"));
+    assert!(has_wall());
+    let figures = |variant: &[&str]| run(&[&["relight", "a.lprt", "--json", "-"][..], variant].concat(), folder);
+    let [plain, varied] = [figures(&[]), figures(&["--variant", "blue hour"])];
+    assert_exit(&varied, 0);
+    let band =
+        |output: &Output, band: usize| json(&output.stdout)["irradiance"]["mean"][band].as_f64().expect("a number");
+    // The red wall is green now.
+    assert!(band(&varied, 0) < 0.95 * band(&plain, 0) && band(&varied, 1) > 1.05 * band(&plain, 1));
+    let unknown = figures(&["--variant", "night"]);
+    assert_exit(&unknown, 3);
+    assert!(text(&unknown.stderr).contains("help: choose one of the scene's, such as \"blue hour\""));
+    assert!(bake("clear").contains("are left out"));
+    assert!(!has_wall());
 }
 
 #[test]

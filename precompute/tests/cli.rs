@@ -211,3 +211,24 @@ fn a_full_standard_output_is_an_error_and_a_closed_one_is_not() {
         assert_eq!((code(&output), stderr(&output).as_str()), (0, ""));
     }
 }
+
+#[test]
+fn the_machine_is_described_and_completions_and_manual_pages_are_written() {
+    let found = stdout(&run(&["doctor"]));
+    for part in ["version", "threads", "memory", "disk", "missing"] {
+        assert!(found.contains(part), "{part}: {found}");
+    }
+    let found: serde_json::Value = serde_json::from_slice(&run(&["doctor", "--json"]).stdout).expect("JSON");
+    assert!(found["threads"].as_u64() > Some(0) && found["adapters"].is_array() && found["missing"].is_array());
+
+    assert!(stdout(&run(&["completions", "bash"])).contains("--gather-rays"));
+    assert!(stdout(&run(&["completions", "fish"])).contains("gather-rays"));
+    assert_refused(&["completions", "abacus"], 2, &["abacus"]);
+
+    let folder = tempfile::tempdir().expect("folder");
+    let pages = path(folder.path(), "man1");
+    assert_eq!(code(&run(&["man", "-o", &pages])), 0);
+    let page = std::fs::read_to_string(Path::new(&pages).join("precompute-bake.1")).expect("a page");
+    assert!(page.contains(".TH precompute-bake 1") && page.contains("gather\\-rays"), "{page}");
+    assert!(Path::new(&pages).join("precompute.1").exists());
+}

@@ -23,5 +23,6 @@ pub use light::{Incident, Light, LightKind};
 pub use lighting::{Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{
     AlphaMode, Camera, FaceId, Image, LightmapWish, Material, Mesh, Scene, SurfacePoint, Texture, TextureRef, Wrap,
+    linear_to_srgb,
 };
 pub use variants::VariantError;

@@ -429,6 +429,13 @@ impl Wrap {
     }
 }
 
+/// Encodes a linear value, 0 to 1 and held to that, as an sRGB byte (IEC 61966-2-1).
+pub fn linear_to_srgb(linear: f32) -> u8 {
+    let linear = linear.clamp(0.0, 1.0);
+    let encoded = if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
+}
+
 /// Decodes one sRGB byte to a linear value (IEC 61966-2-1).
 pub fn srgb_to_linear(byte: u8) -> f32 {
     static TABLE: std::sync::LazyLock<[f32; 256]> = std::sync::LazyLock::new(|| {

@@ -5,7 +5,10 @@ mod batch;
 mod cache;
 mod demo;
 mod diff;
+mod doctor;
+mod help_files;
 mod info;
+mod lit_scene;
 mod relight;
 mod scene;
 mod shards;
@@ -45,6 +48,9 @@ pub fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Diff(command) => diff::run(command, &progress),
         Command::Scene(command) => scene::run(command, &progress),
         Command::Demo(command) => demo::run(command, &progress),
+        Command::Doctor(command) => doctor::run(command),
+        Command::Completions(command) => help_files::completions(command),
+        Command::Man(command) => help_files::man(command, &progress),
     }
 }
 

@@ -1,8 +1,9 @@
 //! `precompute relight`: a baked file and a lighting state in; maps, points, pictures and figures out.
 
+use super::lit_scene::lit_scene;
 use super::{check_output, to_json, write_text};
 use crate::cli::{Backend, Direct, Relight, View};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use localprt_formats::Checked;
 use localprt_precompute::error::{CommandError, Exit};
 use localprt_precompute::inputs;
@@ -14,7 +15,7 @@ use localprt_precompute::report::StageTime;
 use localprt_runtime::passes::direct_irradiance::direct_irradiance as shadow_mapped_irradiance;
 use localprt_runtime::scene_light::{direct_irradiance, scene_texels, traced_irradiance};
 use localprt_runtime::{CpuRelighter, RelightError, Relit, SceneLight, ShadowCasters};
-use localprt_scenes::Lighting;
+use localprt_scenes::{Lighting, export_glb};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -30,7 +31,7 @@ const SHADOW_MAP_SIZE: u32 = 2048;
 
 /// Runs the subcommand.
 pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
-    for path in [&command.output, &command.receivers, &command.json, &command.picture] {
+    for path in [&command.output, &command.ktx2, &command.glb, &command.receivers, &command.json, &command.picture] {
         check_output(path.as_deref())?;
     }
     let started = Instant::now();
@@ -46,6 +47,20 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     if let Some(path) = &command.output {
         write_lightmap(path, &relit, command.half)?;
     }
+    if let Some(path) = &command.ktx2 {
+        let map = &relit.irradiance_map;
+        let pixels: Vec<Vec4> = (0..map.texels().len())
+            .map(|texel| map.color(texel).extend(f32::from(u8::from(map.coverage(texel) > 0.0))))
+            .collect();
+        output::write_ktx2(path, map.size(), map.size(), &pixels)?;
+    }
+    if let Some(path) = &command.glb {
+        let stage = progress.stage("light map", 0);
+        let scene = lit_scene(&caster, baked.view(), &lighting, &relit);
+        export_glb(&scene, path)
+            .map_err(|error| CommandError::of(Exit::Io, &error).help(error.help()).in_file(path))?;
+        drop(stage);
+    }
     if let Some(path) = &command.receivers {
         output::write_ply(path, &vertices(&baked, &relit))?;
     }
@@ -59,7 +74,7 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
         let figures = figures(command, &lighting, &relit, exposure, progress.stages(), started);
         write_text(path, &to_json(&figures))?;
     }
-    let written = [&command.output, &command.receivers, &command.picture, &command.json];
+    let written = [&command.output, &command.ktx2, &command.glb, &command.receivers, &command.picture, &command.json];
     for path in written.into_iter().flatten().filter(|path| path.as_path() != Path::new("-")) {
         progress.note(&format!("wrote {}", path.display()));
     }

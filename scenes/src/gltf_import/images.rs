@@ -22,11 +22,8 @@ impl Format {
             return Some(Self::Basis);
         }
         let format = image::guess_format(encoded).ok()?;
-        let is_read = match format {
-            ImageFormat::Png | ImageFormat::Jpeg => true,
-            ImageFormat::WebP => cfg!(feature = "compressed"),
-            _ => false,
-        };
+        let is_plain = matches!(format, ImageFormat::Png | ImageFormat::Jpeg);
+        let is_read = is_plain || (cfg!(feature = "compressed") && format == ImageFormat::WebP);
         is_read.then_some(Self::Plain(format))
     }
 

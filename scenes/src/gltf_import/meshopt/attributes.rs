@@ -97,7 +97,7 @@ pub(super) fn decode(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8
     let mut deltas = vec![0; stride * BLOCK];
     let mut left = count;
     while left > 0 {
-        let elements = left.min((BLOCK_BYTES / stride & !(GROUP - 1)).min(BLOCK));
+        let elements = left.min(((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK));
         let controls = if is_version_1 { Some(reader.take(stride / 4)?) } else { None };
         for (byte, deltas) in deltas.chunks_exact_mut(BLOCK).enumerate() {
             let control = controls.map_or(Control::VERSION_0, |all| Control::of(all[byte / 4] >> (2 * (byte % 4))));

@@ -49,7 +49,7 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
 }
 
 /// What is between the header and the last bytes, and these.
-fn body<'a>(bytes: &'a [u8], header: u8, tail: usize, other: Fault) -> Result<(&'a [u8], &'a [u8]), Fault> {
+fn body(bytes: &[u8], header: u8, tail: usize, other: Fault) -> Result<(&[u8], &[u8]), Fault> {
     let (&found, body) = bytes.split_first().ok_or(SHORT)?;
     if found != header {
         return Err(other);

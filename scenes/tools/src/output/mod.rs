@@ -1,10 +1,12 @@
 //! Files other than the baked one: images and point clouds, each written whole or not at all.
 
 mod exr;
+mod ktx2;
 mod ply;
 mod png;
 
 pub use exr::{ExrPrecision, write_exr};
+pub use ktx2::write_ktx2;
 pub use ply::{ReceiverVertex, write_ply};
 pub use png::write_png;
 

@@ -1,7 +1,7 @@
 //! From radiance to what a screen shows.
 
 use glam::Vec3;
-use localprt_scenes::luminance;
+use localprt_scenes::{linear_to_srgb, luminance};
 
 /// Exposed value that the tone curve maps to white.
 pub const WHITE: f32 = 4.0;
@@ -52,11 +52,7 @@ pub fn tone_curve(value: f32) -> f32 {
 
 /// Tone curve, then sRGB (IEC 61966-2-1) in 8 bits.
 pub(super) fn encode(color: Vec3) -> [u8; 3] {
-    color.to_array().map(|value| {
-        let linear = tone_curve(value);
-        let encoded = if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-        (encoded * 255.0).round() as u8
-    })
+    color.to_array().map(|value| linear_to_srgb(tone_curve(value)))
 }
 
 #[cfg(test)]
