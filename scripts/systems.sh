@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Prints the tables of docs/systems.md: real-time systems on the same scenes and light, against path tracing.
-#   scripts/systems.sh [SCENE[@LIGHTS.json] ...]   builtin:cornell, two-rooms-door, room-on-plain and atrium by default
+#   scripts/systems.sh [SCENE[@LIGHTS.json] ...]   builtin:cornell, two-rooms-door, room-on-plain and atrium by default; second lights of
+#                                                   these and lights of other scenes are in scripts/lights
 #   SYSTEMS=all, BOUNCES="1 3", EQUAL=probes, PRESET=preview, PROBES=125, RECEIVERS=20000, POINTS=1000, PATHS=4096, OUT=target/systems
 #   MOVING=--moving-lamp lets them follow a lamp, too
 set -euo pipefail
