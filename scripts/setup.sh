@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Finds what is missing to build and test localprt, and installs it with apt where there is apt and root.
 # Baking needs nothing but these. Optional tools that cannot be had are named, and are no failure unless asked for:
-#   scripts/setup.sh                     Rust, a linker and a C++ compiler
+#   scripts/setup.sh                     Rust, a linker and a C++ compiler, and what is optional
+#   scripts/setup.sh --bake              nothing optional: what bakes need
 #   scripts/setup.sh --require-xatlas    libclang as well, or exit code 1
 #   scripts/setup.sh --require-gpu       a driver for the GPU tests as well, or exit code 1
 #   scripts/setup.sh --require-window    a virtual display for the window tests as well, or exit code 1
@@ -10,19 +11,21 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+bake_only=false
 require_xatlas=false
 require_gpu=false
 require_window=false
 print_optional=false
 for argument in "$@"; do
     case $argument in
+        --bake) bake_only=true ;;
         --require-xatlas) require_xatlas=true ;;
         --require-gpu) require_gpu=true ;;
         --require-window) require_window=true ;;
         --print-optional) print_optional=true ;;
         *)
-            echo "setup.sh: unknown argument $argument (known: --require-xatlas, --require-gpu, --require-window," \
-                "--print-optional)" >&2
+            echo "setup.sh: unknown argument $argument (known: --bake, --require-xatlas, --require-gpu," \
+                "--require-window, --print-optional)" >&2
             exit 2
             ;;
     esac
@@ -110,6 +113,10 @@ fi
 if ! has c++ && ! has g++ && ! has clang++ && ! install g++; then
     say "a C++ compiler is missing (the picture metric FLIP is C++); install g++ or clang"
     exit 1
+fi
+
+if $bake_only; then
+    exit 0
 fi
 
 # Needed by the GPU tests only; Mesa's lavapipe runs them without a GPU.

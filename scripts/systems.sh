@@ -39,12 +39,17 @@ python3 - "${runs[@]}" <<'PY'
 import json, pathlib, sys
 runs = [(pathlib.Path(run).name, json.load(open(f"{run}/metrics.json"))["systems"]) for run in sys.argv[1:]]
 names = list(runs[0][1])
+# A column for each scene and light, with the figures after each number of gathers.
+columns = {}
+for run, systems in runs:
+    columns.setdefault(run.rsplit(", gathers", 1)[0], []).append(systems)
 percent = lambda value: "" if value is None else f"{100 * value:.1f}" if value < 10 else f"{100 * value:.0f}"
 def table(title, figure):
-    print(f"\n{title}\n\n| system | " + " | ".join(run for run, _ in runs) + " |")
-    print("|---|" + "---|" * len(runs))
+    print(f"\n{title}\n\n| system | " + " | ".join(columns) + " |")
+    print("|---|" + "---|" * len(columns))
     for name in names:
-        print(f"| {name} | " + " | ".join(figure(systems.get(name, {})) for _, systems in runs) + " |")
+        cells = ([figure(systems.get(name, {})) for systems in column] for column in columns.values())
+        print(f"| {name} | " + " | ".join(", ".join(filter(None, cell)) for cell in cells) + " |")
 table("nrmse of what cameras see, %", lambda found: percent(found.get("view_nrmse")))
 table("nrmse by area, %", lambda found: percent(found.get("area_nrmse")))
 table("FLIP", lambda found: f"{found['flip']:.3f}" if found else "")
