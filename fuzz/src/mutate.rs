@@ -369,9 +369,9 @@ fn element_bytes(head: &[u8], before: &[Array]) -> usize {
         LEAF => [16, 4, 2, 2, 16, 4, 1, 1, 1, 4, 4, 8, 16].get(number).copied().unwrap_or(1),
         LAYOUT if number < 5 => [8, 1, 1, 1, 8][number],
         LAYOUT => {
-            // Of each mesh: name, source, four numbers, positions, normals, tangents, colors, triangles, and as many sets of
-            // coordinates as the last number says.
-            const MESH: [usize; 8] = [1, 1, 8, 12, 12, 16, 16, 12];
+            // Of each mesh: name, source, four numbers, positions, normals, tangents, colors, triangles, variants, and as many sets
+            // of coordinates as the last number says.
+            const MESH: [usize; 9] = [1, 1, 8, 12, 12, 16, 16, 12, 16];
             let mut first = 5;
             loop {
                 let n_sets =
