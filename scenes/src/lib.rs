@@ -8,6 +8,7 @@ pub mod builtin;
 mod color;
 pub mod gltf_export;
 pub mod gltf_import;
+mod guarded;
 pub mod light;
 pub mod lighting;
 pub mod scene;
@@ -19,6 +20,7 @@ pub use gltf_export::{ExportError, export_glb};
 pub use gltf_import::{
     Limits, LoadError, LoadErrorKind, linked_files, load, load_bytes, load_bytes_within, load_within,
 };
+pub use guarded::is_guarded;
 pub use light::{Incident, Light, LightKind};
 pub use lighting::{Lighting, LightingError, MaterialOverride, Sky, SurfaceShading};
 pub use scene::{

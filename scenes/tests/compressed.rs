@@ -46,7 +46,7 @@ fn order(point: Vec3) -> [i32; 3] {
 #[test]
 fn meshes_are_those_that_were_packed() {
     let plain = corners(&builtin::scene("cornell").expect("a scene"));
-    // 14 bits of a box of up to 2 m: half a step is 0.06 mm along each axis.
+    // 14 bits of a box of up to 2 m: half a step is 0.061 mm along each axis, and 0.106 mm along all three.
     for name in ["cornell-draco.glb", "cornell-meshopt.glb"] {
         let packed = loaded(name);
         let found = corners(&packed);
@@ -54,16 +54,17 @@ fn meshes_are_those_that_were_packed() {
         for ((own, expected), (other, triangles)) in plain.iter().zip(&found) {
             assert_eq!((own, expected.len()), (other, triangles.len()), "{name}");
             for (a, b) in expected.iter().flatten().zip(triangles.iter().flatten()) {
-                assert!(a.distance(*b) < 2e-4, "{name}, {own}: {a} {b}");
+                assert!(a.distance(*b) < 1.1e-4, "{name}, {own}: {a} {b}");
             }
         }
-        // Normals too: what is flat stays flat.
+        // Normals too: what is flat stays flat. 8 bits of octahedral coordinates and of components are off by 0.04 at most, as in the tests
+        // of the filter: a cosine of 0.9992.
         for mesh in &packed.meshes {
             for triangle in &mesh.triangles {
                 let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
                 let flat = (b - a).cross(c - a).normalize();
                 for vertex in triangle {
-                    assert!(mesh.normals[*vertex as usize].dot(flat) > 0.99, "{name}, {}", mesh.name);
+                    assert!(mesh.normals[*vertex as usize].dot(flat) > 0.999, "{name}, {}", mesh.name);
                 }
             }
         }
@@ -73,27 +74,20 @@ fn meshes_are_those_that_were_packed() {
 
 #[test]
 fn pictures_are_those_that_were_packed() {
-    // ETC1S has one hue for a block of 4 x 4 pixels, over which red and green each go from -12 to 12 around the middle: 8 off in the mean
-    // of two channels of four, and colors of 5 bits, 4 steps wide to each side and 2 in the mean, in three.
-    for (name, largest, mean) in
-        [("picture-webp.glb", 0, 0.0), ("picture-uastc.glb", 6, 1.5), ("picture-etc1s.glb", 24, 5.5)]
-    {
+    let gradient =
+        (0..32u8).flat_map(|y| (0..32u8).flat_map(move |x| [8 * x, 8 * y, 128, if x < 16 { 255 } else { 127 }]));
+    let of_reference = |name: &str| std::fs::read(path(name)).expect("a file");
+    for (name, expected) in [
+        ("picture-webp.glb", gradient.collect()),
+        ("picture-uastc.glb", of_reference("picture-uastc.rgba")),
+        ("picture-etc1s.glb", of_reference("picture-etc1s.rgba")),
+    ] {
         let scene = loaded(name);
         let image = &scene.images[scene.textures[0].image];
         assert_eq!([image.width, image.height], [32, 32], "{name}");
+        assert!(image.rgba == expected, "{name}: other pixels");
         // Written anew as a format that every reader has.
         assert!(image.encoded.is_none());
-        let expected =
-            (0..32u32).flat_map(|y| (0..32).map(move |x| [8 * x, 8 * y, 128, if x < 16 { 255 } else { 127 }]));
-        let (mut sum, mut most) = (0u32, 0u32);
-        for (pixel, expected) in image.rgba.chunks_exact(4).zip(expected) {
-            for (found, expected) in pixel.iter().zip(expected) {
-                let error = u32::from(*found).abs_diff(expected);
-                (sum, most) = (sum + error, most.max(error));
-            }
-        }
-        let found = f64::from(sum) / (4.0 * 32.0 * 32.0);
-        assert!(most <= largest && found <= mean, "{name}: at most {most}, mean {found}");
         let folder = tempfile::tempdir().expect("a folder");
         let out = folder.path().join("plain.glb");
         localprt_scenes::export_glb(&scene, &out).expect("writes");
@@ -248,6 +242,9 @@ fn instances_are_meshes_of_their_own() {
 
     let error = load_bytes_within("trees.glb", &glb(&json, &bin), &Limits { instances: 3, ..Limits::default() });
     assert!(error.expect_err("too many").to_string().contains("4 instances, the limit is 3"));
+    let mut none = json.clone();
+    none["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({});
+    assert!(load_bytes("trees.glb", &glb(&none, &bin)).expect_err("none").to_string().contains("without an attribute"));
     let mut uneven = json.clone();
     let first = uneven["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"]
         .as_u64()

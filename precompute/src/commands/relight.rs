@@ -42,7 +42,7 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     let lighting = inputs::lighting(command.lights.as_deref(), &scene)?;
     let caster = inputs::caster(&scene)?;
     let how = How { backend: command.backend, direct: command.direct, bounces: command.bounces };
-    let relit = light(&baked, &caster, &lighting, how, progress)?;
+    let (relit, shining) = lit(&baked, &caster, &lighting, how, progress)?;
 
     if let Some(path) = &command.output {
         write_lightmap(path, &relit, command.half)?;
@@ -56,7 +56,8 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
     }
     if let Some(path) = &command.glb {
         let stage = progress.stage("light map", 0);
-        let scene = lit_scene(&caster, baked.view(), &lighting, &relit);
+        let shining = shining.unwrap_or_else(|| scene_light(&baked, &caster, &lighting, how.direct));
+        let scene = lit_scene(caster.scene(), &shining, &relit);
         export_glb(&scene, path)
             .map_err(|error| CommandError::of(Exit::Io, &error).help(error.help()).in_file(path))?;
         drop(stage);
@@ -100,6 +101,17 @@ pub fn light(
     how: How,
     progress: &Progress,
 ) -> Result<Relit, CommandError> {
+    lit(baked, caster, lighting, how, progress).map(|(relit, _)| relit)
+}
+
+/// The same with what shines, which nobody knows here where the GPU makes it.
+fn lit(
+    baked: &Checked<'_>,
+    caster: &RayCaster<'_>,
+    lighting: &Lighting,
+    how: How,
+    progress: &Progress,
+) -> Result<(Relit, Option<SceneLight>), CommandError> {
     #[cfg(feature = "gpu")]
     let gpu = match how.backend {
         Backend::Cpu => None,
@@ -112,25 +124,19 @@ pub fn light(
             .help("leave --backend out: the CPU does the same; or build with the feature gpu"));
     }
     let stage = progress.stage("direct light", 0);
-    let scene = caster.scene();
     #[cfg(feature = "gpu")]
     if let (Some(gpu), Direct::ShadowMap) = (&gpu, how.direct) {
         drop(stage);
-        return relight_gpu::light(gpu, baked, &Source::ShadowMaps { scene, lighting }, how.bounces, progress);
+        let source = Source::ShadowMaps { scene: caster.scene(), lighting };
+        return Ok((relight_gpu::light(gpu, baked, &source, how.bounces, progress)?, None));
     }
-    let texels = scene_texels(caster, baked.view());
-    let direct = match how.direct {
-        Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
-        Direct::ShadowMap => {
-            shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
-        }
-    };
-    let light = SceneLight::new(scene, &texels, lighting, direct, baked.view());
+    let light = scene_light(baked, caster, lighting, how.direct);
     drop(stage);
     progress.check()?;
     #[cfg(feature = "gpu")]
     if let Some(gpu) = gpu {
-        return relight_gpu::light(&gpu, baked, &Source::Light(&light), how.bounces, progress);
+        let relit = relight_gpu::light(&gpu, baked, &Source::Light(&light), how.bounces, progress)?;
+        return Ok((relit, Some(light)));
     }
     let inputs = light.inputs(how.bounces);
     let stage = progress.stage("bounces", how.bounces.into());
@@ -140,7 +146,19 @@ pub fn light(
         relighter.step(&inputs).map_err(refused)?;
         stage.inc(1);
     }
-    Ok(relighter.relit().clone())
+    Ok((relighter.relit().clone(), Some(light)))
+}
+
+/// What shines in the scene, with shadows by rays or by maps.
+fn scene_light(baked: &Checked<'_>, caster: &RayCaster<'_>, lighting: &Lighting, direct: Direct) -> SceneLight {
+    let (scene, texels) = (caster.scene(), scene_texels(caster, baked.view()));
+    let direct = match direct {
+        Direct::Traced => traced_irradiance(caster, &texels, &lighting.lights),
+        Direct::ShadowMap => {
+            shadow_mapped_irradiance(&texels, &ShadowCasters::of_scene(scene), &lighting.lights, SHADOW_MAP_SIZE)
+        }
+    };
+    SceneLight::new(scene, &texels, lighting, direct, baked.view())
 }
 
 /// Scene and file fit each other, or the hash would differ; what is left is a scene that defeats the arithmetic, or a GPU

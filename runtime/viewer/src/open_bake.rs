@@ -39,6 +39,7 @@ pub(crate) fn stamp(path: &Path) -> Option<FileStamp> {
 }
 
 /// Which scene the user named for a file, and in which of its material variants.
+#[cfg(not(target_arch = "wasm32"))]
 #[derive(Clone, Debug, Default)]
 pub struct SceneSource {
     /// A file other than the one that the baked file names.

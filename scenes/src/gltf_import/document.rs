@@ -4,11 +4,11 @@
 //! enumerations are checked on the plain JSON, where a JSON pointer is at hand, and each object is converted by itself.
 
 use super::error::{LoadError, Source};
+use crate::guarded::guarded;
 use gltf::json;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::fmt::Write;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 pub(super) type JsonLight = json::extensions::scene::khr_lights_punctual::Light;
 
@@ -309,11 +309,7 @@ fn typed_array<T: DeserializeOwned>(source: &Source, root: &Value, place: &str) 
 /// Converts one JSON object to a type of the `gltf` crate.
 pub(super) fn typed<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
     // Belt: none of the conversions used here is known to panic.
-    match catch_unwind(AssertUnwindSafe(|| T::deserialize(value))) {
-        Ok(Ok(typed)) => Ok(typed),
-        Ok(Err(error)) => Err(error.to_string()),
-        Err(_) => Err("the glTF library cannot read this object".into()),
-    }
+    guarded("the glTF library cannot read this object", || T::deserialize(value).map_err(|error| error.to_string()))
 }
 
 fn texture_source(texture: &Value) -> TextureSource {

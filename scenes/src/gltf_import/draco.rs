@@ -7,6 +7,7 @@ use super::document::{Document, typed};
 use super::error::{LoadError, Source};
 use super::geometry::place_of;
 use super::resources::Limits;
+use crate::guarded::guarded;
 use draco_core::{
     AttributeValueIndex, DataType, DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder, PointAttribute,
     PointIndex,
@@ -16,7 +17,6 @@ use gltf::json::accessor::ComponentType;
 use gltf::json::validation::Checked;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 const NAME: &str = "KHR_draco_mesh_compression";
 const REPAIR: &str = "compress the mesh again, for example with `npx @gltf-transform/cli draco`";
@@ -102,14 +102,12 @@ fn decode(stream: &[u8], limits: &Limits, most_bytes: u64) -> Result<Mesh, Strin
         .with_max_points(limits.triangles.saturating_mul(3))
         .with_max_faces(limits.triangles)
         .with_max_decoded_bytes(most_bytes);
-    let work = || {
+    guarded("the decoder of Draco streams failed", || {
         let mut mesh = Mesh::new();
-        MeshDecoder::new().decode(&mut DecoderBuffer::new(stream).with_limits(ceilings), &mut mesh)?;
-        Ok(mesh)
-    };
-    let decoded: Result<Mesh, draco_core::DracoError> =
-        catch_unwind(AssertUnwindSafe(work)).map_err(|_| "the decoder of Draco streams failed".to_owned())?;
-    decoded.map_err(|error| format!("the Draco stream does not decode: {error}"))
+        let mut buffer = DecoderBuffer::new(stream).with_limits(ceilings);
+        let decoded = MeshDecoder::new().decode(&mut buffer, &mut mesh);
+        decoded.map(|()| mesh).map_err(|error| format!("the Draco stream does not decode: {error}"))
+    })
 }
 
 impl Part {

@@ -1,8 +1,10 @@
 //! Encoded images to pixels: PNG and JPEG, WebP, and Basis textures in KTX2.
 
+use crate::guarded::guarded;
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+
+const FAILED: &str = "the image decoder failed";
 
 /// A format that is read, told by content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +40,7 @@ impl Format {
 
     /// Width and height, from the head.
     pub fn size(self, encoded: &[u8]) -> Result<(u32, u32), String> {
-        guarded(|| match self {
+        guarded(FAILED, || match self {
             Self::Plain(format) => {
                 let reader = ImageReader::with_format(Cursor::new(encoded), format);
                 reader.into_dimensions().map_err(|error| error.to_string())
@@ -50,7 +52,7 @@ impl Format {
 
     /// RGBA of 8 bits, row by row, of an image of this size, each side at most `side`.
     pub fn pixels(self, encoded: &[u8], [width, height]: [u32; 2], side: u32) -> Result<Vec<u8>, String> {
-        let rgba = guarded(|| match self {
+        let rgba = guarded(FAILED, || match self {
             Self::Plain(format) => {
                 let mut reader = ImageReader::with_format(Cursor::new(encoded), format);
                 let mut limits = image::Limits::default();
@@ -109,9 +111,4 @@ fn check_levels(encoded: &[u8]) -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-/// Decoders may fail in their own ways.
-fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("the image decoder failed".into()))
 }

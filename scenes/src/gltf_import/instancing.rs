@@ -14,8 +14,10 @@ const REPAIR: &str = "export the instances again, for example with `npx @gltf-tr
 pub(super) fn count(geometry: &Geometry<'_>, node: usize) -> Result<Option<u64>, LoadError> {
     let Some(attributes) = attributes(geometry, node) else { return Ok(None) };
     let counts = attributes.iter().map(|(_, accessor)| accessor.count as u64);
-    let count = counts.clone().max().unwrap_or(0);
-    if counts.min().unwrap_or(0) != count {
+    let Some(count) = counts.clone().max() else {
+        return Err(geometry.source.invalid(place(node), "instances without an attribute", REPAIR));
+    };
+    if counts.min() != Some(count) {
         return Err(geometry.source.invalid(place(node), "attributes of different counts", REPAIR));
     }
     if count > geometry.limits.instances {

@@ -32,6 +32,10 @@ fn print_error(error: &CommandError) {
 
 /// One line for the first panic, whichever thread it is on; the others follow from it.
 fn report_panic(panic: &PanicHookInfo<'_>) {
+    // Of a file that a library could not read: the error says so.
+    if localprt_scenes::is_guarded() {
+        return;
+    }
     static REPORTED: AtomicBool = AtomicBool::new(false);
     if REPORTED.swap(true, Ordering::Relaxed) {
         return;
