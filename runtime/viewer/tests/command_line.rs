@@ -34,6 +34,7 @@ fn what_goes_wrong_is_said() {
     expect(&[file, "--camera", "7"], 2, "no camera 7");
     expect(&[file, "--probe", "999"], 2, "no probe 999");
     expect(&[file, "--pick", "0,0"], 2, "no receiver");
+    expect(&[file, "--variant", "night"], 2, "leave it out: the scene has no variants");
     expect(&[file, "--view", "error"], 3, "precompute validate");
     expect(&[file, "--view", "nonsense"], 2, "final, lighting");
     expect(&[file, "--lights", "missing.json"], 6, "missing.json");

@@ -6,7 +6,7 @@ use crate::error::{CommandError, Exit};
 use crate::hex;
 use crate::picture::default_camera;
 use localprt_formats::{Baked, Checked, Metadata, OpenError};
-use localprt_scenes::{Camera, Lighting, LightingError, LoadError, LoadErrorKind, Scene, builtin};
+use localprt_scenes::{Camera, Lighting, LightingError, LoadError, LoadErrorKind, Scene, VariantError, builtin};
 use localprt_surfaces::rays::RayCaster;
 use std::fs::File;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
@@ -84,7 +84,11 @@ pub fn baked_scene(file: &Path, metadata: &Metadata, given: Option<&Path>) -> Re
 /// A scene in one of its material variants, if one is named.
 pub fn in_variant(mut scene: Scene, name: Option<&str>) -> Result<Scene, CommandError> {
     if let Some(name) = name {
-        scene.apply_variant(name).map_err(|error| CommandError::of(Exit::InvalidInput, &error).help(error.help()))?;
+        scene.apply_variant(name).map_err(|error| {
+            let is_unknown = matches!(error, VariantError::Unknown { .. });
+            let exit = if is_unknown { Exit::Usage } else { Exit::InvalidInput };
+            CommandError::of(exit, &error).help(error.help())
+        })?;
     }
     Ok(scene)
 }
