@@ -8,7 +8,8 @@ use std::{
     process::Command,
 };
 
-/// Beside this crate; a crate that is not built from this repository finds none but its own.
+/// Beside this crate. One that is built from a registry finds none but its own: there its version names the others, which it
+/// takes by exactly that version.
 const SOURCES: [&str; 12] = [
     "src",
     "Cargo.toml",
@@ -29,7 +30,8 @@ fn main() {
     let mut code = DefaultHasher::new();
     env!("CARGO_PKG_VERSION").hash(&mut code);
     env::var_os("TARGET").hash(&mut code);
-    for source in SOURCES.map(|source| root.join(source)) {
+    // Cargo would run this again at every build for one that is not there.
+    for source in SOURCES.map(|source| root.join(source)).into_iter().filter(|source| source.exists()) {
         println!("cargo::rerun-if-changed={}", source.display());
         take_in(&source, &mut code);
     }

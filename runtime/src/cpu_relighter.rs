@@ -2,10 +2,10 @@
 
 use crate::coverage_map::CoverageMap;
 use crate::error::RelightError;
+use crate::light_maps::LightMaps;
 use crate::occluder::{Occluder, check_occluders};
 use crate::passes::cluster_projection::cluster_projection;
 use crate::passes::direct_lightmap::{SurfaceTexels, direct_lightmap};
-use crate::passes::gutter_dilation::gutter_dilation;
 use crate::passes::lightmap_mips::{level_sizes, lightmap_mips};
 use crate::passes::near_light::near_light;
 use crate::passes::probe_relight::probe_relight;
@@ -66,8 +66,8 @@ pub struct Relit {
     pub coefficients: Vec<Vec3>,
     /// `[n_receivers]` irradiance about the shading normal, W m^-2, not negative.
     pub irradiance: Vec<Vec3>,
-    /// The same in the receiver map's texels, gutters filled: sample with TEXCOORD_1.
-    pub irradiance_map: CoverageMap,
+    /// The same in the receiver map's texels.
+    pub maps: LightMaps,
 }
 
 impl Relit {
@@ -78,9 +78,9 @@ impl Relit {
     pub fn of_coefficients(baked: &Checked<'_>, coefficients: Vec<Vec3>) -> Self {
         let mut irradiance = vec![Vec3::ZERO; baked.n_receivers()];
         receiver_irradiance(&cosine_weights(baked), &coefficients, &mut irradiance);
-        let mut irradiance_map = CoverageMap::uncovered(baked.view().metadata.lightmap_size);
-        gutter_dilation(baked, &irradiance, &mut irradiance_map);
-        Self { coefficients, irradiance, irradiance_map }
+        let mut maps = LightMaps::uncovered(baked);
+        maps.write(baked, &irradiance, &coefficients);
+        Self { coefficients, irradiance, maps }
     }
 }
 
@@ -137,7 +137,7 @@ impl<'a> CpuRelighter<'a> {
             relit: Relit {
                 coefficients: vec![Vec3::ZERO; baked.n_receivers() * baked.n_k()],
                 irradiance: vec![Vec3::ZERO; baked.n_receivers()],
-                irradiance_map: CoverageMap::uncovered(metadata.lightmap_size),
+                maps: LightMaps::uncovered(&baked),
             },
             volume: VolumeLight::default(),
             gathers: 0,
@@ -154,7 +154,7 @@ impl<'a> CpuRelighter<'a> {
                 cells: vec![Vec3::ZERO; cells.n_cells() * transport.n_k],
             };
         }
-        relighter.write_irradiance_map();
+        relighter.write_maps();
         relighter
     }
 
@@ -235,7 +235,7 @@ impl<'a> CpuRelighter<'a> {
         self.relit.coefficients.fill(Vec3::ZERO);
         self.relit.irradiance.fill(Vec3::ZERO);
         self.volume.cells.fill(Vec3::ZERO);
-        self.write_irradiance_map();
+        self.write_maps();
     }
 
     /// Checks that inputs fit the file and are finite.
@@ -313,7 +313,7 @@ impl<'a> CpuRelighter<'a> {
 
     fn gather(&mut self, inputs: &RelightInputs<'_>) {
         let baked = &self.baked;
-        let previous = (self.gathers > 0).then_some(&self.relit.irradiance_map);
+        let previous = (self.gathers > 0).then_some(&self.relit.maps.irradiance);
         direct_lightmap(inputs.surface, previous, inputs.feedback_albedo_cap, &mut self.light_map[0]);
         lightmap_mips(&mut self.light_map);
         let sky_rays = if inputs.sky_in_probes { inputs.sky_rays } else { &[] };
@@ -322,8 +322,13 @@ impl<'a> CpuRelighter<'a> {
         receiver_reconstruction(baked.transport(), &self.cluster_lights, &mut self.relit.coefficients);
         near_light(baked.transport(), &self.light_map, &mut self.relit.coefficients);
         receiver_irradiance(&self.cosine_weights, &self.relit.coefficients, &mut self.relit.irradiance);
-        self.write_irradiance_map();
+        self.write_maps();
         self.gathers += 1;
+    }
+
+    fn write_maps(&mut self) {
+        let Relit { coefficients, irradiance, maps } = &mut self.relit;
+        maps.write(&self.baked, irradiance, coefficients);
     }
 
     /// Lights the volume by the probes of the last gather; it feeds nothing back.
@@ -333,10 +338,6 @@ impl<'a> CpuRelighter<'a> {
         cluster_projection(transport, &self.probe_radiance, inputs.sky_sh, cluster_lights);
         receiver_reconstruction(transport, cluster_lights, coefficients);
         volume_fill(volume, coefficients, cells);
-    }
-
-    fn write_irradiance_map(&mut self) {
-        gutter_dilation(&self.baked, &self.relit.irradiance, &mut self.relit.irradiance_map);
     }
 }
 

@@ -6,6 +6,7 @@ pub mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod host_shading;
+mod light_maps;
 mod occluder;
 pub mod passes;
 #[cfg(feature = "gpu")]
@@ -31,6 +32,7 @@ pub use cpu_relighter::{CpuRelighter, DEFAULT_FEEDBACK_ALBEDO_CAP, RelightInputs
 pub use error::RelightError;
 #[cfg(feature = "gpu")]
 pub use gpu::PassTime;
+pub use light_maps::LightMaps;
 pub use localprt_scenes::SurfacePoint;
 pub use occluder::{MAX_OCCLUDERS, Occluder, OccluderShape};
 #[cfg(feature = "gpu")]

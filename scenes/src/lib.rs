@@ -11,6 +11,7 @@ pub mod gltf_import;
 mod guarded;
 pub mod light;
 pub mod lighting;
+mod normal_map;
 pub mod scene;
 mod unit;
 mod variants;

@@ -360,15 +360,23 @@ impl Scene {
     }
 
     fn sample_srgb(&self, reference: &TextureRef, mesh: &Mesh, triangle: usize, barycentrics: Vec3) -> Vec4 {
-        let Some(set) = mesh.uv_sets.get(reference.uv_set).filter(|set| !set.is_empty()) else {
-            return self.textures[reference.texture].sample_srgb(&self.images, reference.transform.translation);
-        };
-        let uv = interpolate(&mesh.triangles[triangle], barycentrics, |vertex| set[vertex]);
-        self.textures[reference.texture].sample_srgb(&self.images, reference.transform.transform_point2(uv))
+        let uv = reference.coordinate(mesh, triangle, barycentrics);
+        self.textures[reference.texture].sample_srgb(&self.images, uv)
     }
 }
 
-fn interpolate<T>(triangle: &[u32; 3], barycentrics: Vec3, value: impl Fn(usize) -> T) -> T
+impl TextureRef {
+    /// Where a texture is read at a point of a triangle, after its transform; a mesh without the set reads it at 0.
+    pub(crate) fn coordinate(&self, mesh: &Mesh, triangle: usize, barycentrics: Vec3) -> Vec2 {
+        let Some(set) = mesh.uv_sets.get(self.uv_set).filter(|set| !set.is_empty()) else {
+            return self.transform.translation;
+        };
+        let uv = interpolate(&mesh.triangles[triangle], barycentrics, |vertex| set[vertex]);
+        self.transform.transform_point2(uv)
+    }
+}
+
+pub(crate) fn interpolate<T>(triangle: &[u32; 3], barycentrics: Vec3, value: impl Fn(usize) -> T) -> T
 where
     T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
 {
@@ -380,6 +388,16 @@ where
 impl Texture {
     /// Linear RGBA at a coordinate: sRGB decoded first, then filtered. Alpha is linear as stored.
     pub fn sample_srgb(&self, images: &[Image], uv: Vec2) -> Vec4 {
+        self.sample(images, uv, srgb_to_linear)
+    }
+
+    /// RGBA at a coordinate, filtered as stored: normal maps and other data.
+    pub fn sample_linear(&self, images: &[Image], uv: Vec2) -> Vec4 {
+        self.sample(images, uv, |byte| f32::from(byte) / 255.0)
+    }
+
+    /// `decoded` turns a stored byte of a color into what is filtered.
+    fn sample(&self, images: &[Image], uv: Vec2, decoded: impl Fn(u8) -> f32) -> Vec4 {
         let image = &images[self.image];
         if image.width == 0 || image.height == 0 || !uv.is_finite() {
             return Vec4::ONE;
@@ -390,7 +408,7 @@ impl Texture {
             let y = self.wrap_v.apply(y, i64::from(image.height));
             let at = ((y * i64::from(image.width) + x) * 4) as usize;
             let [r, g, b, a] = image.rgba[at..at + 4] else { unreachable!("slice of four") };
-            Vec4::new(srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b), f32::from(a) / 255.0)
+            Vec4::new(decoded(r), decoded(g), decoded(b), f32::from(a) / 255.0)
         };
         // Reduce first, so that far-out coordinates keep their fraction.
         let uv = Vec2::new(self.wrap_u.reduce(uv.x), self.wrap_v.reduce(uv.y));

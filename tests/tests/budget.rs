@@ -106,7 +106,7 @@ fn steps_of_density_are_no_steps_of_light() {
     let steps = |texel_scales| {
         let baked = bake(room_with_strips(texel_scales), &settings);
         let lighting = Lighting::of_scene(&baked.scene);
-        let map = relit(&baked, &lighting, 1, |relighter| relighter.relit().irradiance_map.clone());
+        let map = relit(&baked, &lighting, 1, |relighter| relighter.relit().maps.irradiance.clone());
         // The floor's coordinates are affine in each strip.
         let read = |strip: usize, x: f32, z: f32| {
             let mesh = baked.scene.meshes.iter().find(|mesh| mesh.name == format!("floor {strip}")).expect("strip");

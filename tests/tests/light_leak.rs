@@ -110,7 +110,7 @@ fn a_wall_through_walls_keeps_light_on_its_side_at_any_angle() {
             (0..4000).filter_map(look).collect()
         };
         let [lit, dark] = relit(&baked, &lighting, 3, |relighter| {
-            let map = &relighter.relit().irradiance_map;
+            let map = &relighter.relit().maps.irradiance;
             [-1.6, 1.6].map(|x| seen_from(Vec3::new(x, 1.0, 0.0), map))
         });
         let mean = lit.iter().sum::<f32>() / lit.len() as f32;

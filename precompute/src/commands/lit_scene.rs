@@ -20,7 +20,7 @@ const DARKEST: f32 = 1e-3;
 /// What shines and the irradiance after the last gather belong to the scene's own light map.
 pub fn lit_scene(scene: &Scene, shining: &SceneLight, relit: &Relit) -> Scene {
     let mut map = CoverageMap::uncovered(shining.surface.size);
-    direct_lightmap(&shining.surface, Some(&relit.irradiance_map), 1.0, &mut map);
+    direct_lightmap(&shining.surface, Some(&relit.maps.irradiance), 1.0, &mut map);
     let strength = brightest(map.texels());
     let mut lit = Scene { images: Vec::new(), textures: Vec::new(), ..scene.clone() };
     for material in &mut lit.materials {
@@ -112,6 +112,7 @@ fn dilated(texels: &[Vec4], side: usize) -> Vec<Vec4> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use localprt_runtime::LightMaps;
 
     const NOTHING: [Vec4; 25] = [Vec4::ZERO; 25];
 
@@ -142,7 +143,8 @@ mod tests {
         let mut scene = localprt_scenes::builtin::scene("atrium").expect("a scene");
         scene.materials[0].transmission = 1.0;
         let shining = SceneLight::default();
-        let relit = Relit { irradiance_map: CoverageMap::uncovered(1), ..Relit::default() };
+        let maps = LightMaps::of_irradiance(CoverageMap::uncovered(1));
+        let relit = Relit { maps, ..Relit::default() };
         let lit = lit_scene(&scene, &shining, &relit);
         // The leaves alone have holes.
         assert_eq!((lit.images.len(), lit.textures.len(), lit.lights.len()), (2, 2, 0));

@@ -48,7 +48,7 @@ pub fn run(command: &Relight, progress: &Progress) -> Result<(), CommandError> {
         write_lightmap(path, &relit, command.half)?;
     }
     if let Some(path) = &command.ktx2 {
-        let map = &relit.irradiance_map;
+        let map = &relit.maps.irradiance;
         let pixels: Vec<Vec4> = (0..map.texels().len())
             .map(|texel| map.color(texel).extend(f32::from(u8::from(map.coverage(texel) > 0.0))))
             .collect();
@@ -175,7 +175,7 @@ fn refused(error: RelightError) -> CommandError {
 
 /// The indirect irradiance as an image, row 0 at v = 0; black where no receiver is.
 pub fn write_lightmap(path: &Path, relit: &Relit, half: bool) -> Result<(), CommandError> {
-    let map = &relit.irradiance_map;
+    let map = &relit.maps.irradiance;
     let side = map.size() as usize;
     let pixels: Vec<Vec3> = (0..side * side).map(|texel| map.color(texel)).collect();
     let precision = if half { ExrPrecision::Half } else { ExrPrecision::Full };
@@ -215,7 +215,7 @@ pub fn take_picture(
         surfaces.radiance(
             hit,
             |position, normal| direct_irradiance(caster, &lighting.lights, position, normal, hit.normal),
-            |uv| relit.irradiance_map.sample(uv).unwrap_or(Vec3::ZERO),
+            |uv, normal| relit.maps.irradiance_about(normal, |map| map.sample(uv)).unwrap_or(Vec3::ZERO),
         )
     };
     Ok(picture::render(caster, &camera, size, progress, radiance, |dir| lighting.sky.radiance(dir))?)

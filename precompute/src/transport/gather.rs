@@ -1,6 +1,6 @@
 //! Gather directions of a receiver: one low-discrepancy set, turned into the frame of each receiver on a surface.
 
-use super::receivers::Sites;
+use super::{outputs::OutputFunctions, receivers::Sites};
 use crate::{digest::Digester, morton, rays::frame};
 use glam::Vec3;
 use localprt_formats::{directions, sh};
@@ -56,7 +56,7 @@ pub struct GatherRay {
 
 impl GatherSet {
     /// `n` directions for receivers of the given degree: cosine-weighted for irradiance (degree 0), uniform over the
-    /// hemisphere for radiance, whose basis functions do not vanish at the horizon.
+    /// hemisphere for degree 1, whose functions do not vanish at the horizon.
     ///
     /// The set is a Fibonacci lattice shifted by `seed`.
     pub fn new(n: u32, receiver_degree: u32, seed: u64) -> Self {
@@ -165,22 +165,24 @@ impl GatherSet {
         sh::function_count(self.receiver_degree)
     }
 
+    /// What the outputs of a receiver weigh light by, given its shading normal; none in the open.
+    pub fn outputs(&self, normal: Option<Vec3>) -> OutputFunctions {
+        OutputFunctions::of(self.domain, self.receiver_degree, normal)
+    }
+
     /// Weights of a ray for all outputs: the sum over rays of `weights[k] * L` estimates output k.
     ///
     /// `world` is the ray in world axes.
-    pub fn weights(&self, world: Vec3, basis: &sh::Basis, weights: &mut [f32]) {
+    pub fn weights(&self, world: Vec3, outputs: &OutputFunctions, weights: &mut [f32]) {
         let n = self.directions.len() as f32;
         let steradians = match self.domain {
             // Eq. (7): density cos/pi, measured by cos.
-            Domain::Cosine => {
-                weights[0] = PI / n;
-                return;
-            }
+            Domain::Cosine => PI / n,
             // Eq. (8): density 1/2pi or 1/4pi, measured by B_k.
             Domain::Hemisphere => 2.0 * PI / n,
             Domain::Sphere => 4.0 * PI / n,
         };
-        basis.evaluate(world.to_array(), weights);
+        outputs.evaluate(world, weights);
         for weight in weights {
             *weight *= steradians;
         }

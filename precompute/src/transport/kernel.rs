@@ -6,6 +6,7 @@ use super::{
     gather::SKY_TIMES,
     near::{NearHit, Node},
     openings::Openings,
+    outputs::OutputFunctions,
     traced::Traced,
 };
 use crate::{
@@ -105,7 +106,7 @@ pub(super) fn receiver_rows(
     let n_k = gather.n_outputs();
     let position = scene.receivers.positions()[receiver];
     let sites = scene.receivers.sites(receiver);
-    let receiver_basis = sh::Basis::new(gather.receiver_degree());
+    let functions = gather.outputs(scene.receivers.normal(receiver));
 
     let support = scene.support.of(receiver);
     let radius = scene.support.radius_m[receiver];
@@ -137,7 +138,7 @@ pub(super) fn receiver_rows(
                 openings.show(dir);
                 continue;
             }
-            gather.weights(dir, &receiver_basis, &mut workspace.weights);
+            gather.weights(dir, &functions, &mut workspace.weights);
             workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
             continue;
         };
@@ -150,7 +151,7 @@ pub(super) fn receiver_rows(
     if let Some(openings) = &openings {
         for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
             if openings.may_show(dir) && workspace.traced.escapes(caster, origin, dir) {
-                gather.weights(dir, &receiver_basis, &mut workspace.weights);
+                gather.weights(dir, &functions, &mut workspace.weights);
                 workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
             }
         }
@@ -185,7 +186,7 @@ pub(super) fn receiver_rows(
     }
     let mut look = LookUp {
         scene,
-        receiver_basis: &receiver_basis,
+        functions: &functions,
         probes: &probes,
         stands_for: if all_looked_up { 1.0 } else { gather.rays_per_look_up() },
         saw_last: 0,
@@ -231,7 +232,7 @@ pub(super) fn receiver_rows(
             let sums = links.add(of_node.node, of_node.gain, n_k);
             for hit in &hits[of_node.hits] {
                 let ray = &all[hit.ray as usize];
-                gather.weights(ray.dir, &receiver_basis, weights);
+                gather.weights(ray.dir, &functions, weights);
                 sums.iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += ray.linked * ray.brings * weight);
             }
         }
@@ -272,7 +273,7 @@ pub(super) fn receiver_rows(
 /// How what a ray meets is looked up in the probes.
 struct LookUp<'a> {
     scene: &'a TransportScene<'a>,
-    receiver_basis: &'a sh::Basis,
+    functions: &'a OutputFunctions,
     /// Place and weight kernel of each supporting probe.
     probes: &'a [(Vec3, f32)],
     /// How many rays one that is looked up in all probes stands for.
@@ -320,7 +321,7 @@ impl LookUp<'_> {
         if !is_seen && !is_last {
             return false;
         }
-        scene.gather.weights(dir, self.receiver_basis, &mut workspace.weights);
+        scene.gather.weights(dir, self.functions, &mut workspace.weights);
         workspace.weights.iter_mut().for_each(|weight| *weight *= part);
         if let Some(fit) = scene.fit {
             let surface = fit.surface(caster, &point);

@@ -13,6 +13,7 @@ mod gather;
 mod kernel;
 mod near;
 mod openings;
+mod outputs;
 mod receivers;
 #[cfg(test)]
 mod tests;
@@ -25,6 +26,7 @@ pub use kernel::Links;
 use kernel::LookUps;
 pub use near::{NearField, Node};
 use openings::Openings;
+pub use outputs::OutputFunctions;
 pub use receivers::{Receivers, Sites};
 
 use crate::{

@@ -22,6 +22,14 @@ impl<'a> Receivers<'a> {
         }
     }
 
+    /// Shading normal of a receiver; none in the open.
+    pub fn normal(self, receiver: usize) -> Option<Vec3> {
+        match self {
+            Self::Surface(receivers) => Some(receivers.normal[receiver]),
+            Self::Open(_) => None,
+        }
+    }
+
     /// Where the rays of a receiver start.
     pub fn sites(self, receiver: usize) -> Sites<'a> {
         match self {

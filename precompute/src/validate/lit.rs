@@ -162,7 +162,7 @@ pub fn light<'a>(
     for gather in 0..bounces {
         progress.check()?;
         if gather > 0 {
-            previous = Some(relighter.relit().irradiance_map.clone());
+            previous = Some(relighter.relit().maps.irradiance.clone());
         }
         gather_means.push(mean(&relighter.step(&inputs).map_err(refused)?.irradiance));
         stage.inc(1);

@@ -12,7 +12,7 @@ use crate::{
 };
 use glam::{Vec2, Vec3, Vec4Swizzles};
 use localprt_formats::directions::{cosine_hemisphere, counter_uniform, fibonacci_square};
-use localprt_runtime::CoverageMap;
+use localprt_runtime::{CoverageMap, LightMaps};
 use localprt_scenes::{Camera, FaceId, SurfacePoint};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -28,7 +28,7 @@ const INSIDE_RAYS: u32 = 16;
 /// Share of the points that `nrmse_99` leaves out.
 const WORST: f64 = 0.01;
 
-/// A surface point and where the lightmap holds its light.
+/// A surface point, with the normal that its normal map gives, and where the lightmap holds its light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenPoint {
     /// The point.
@@ -74,9 +74,9 @@ pub struct SeenError {
 }
 
 impl SeenError {
-    /// Compares what a map holds with the reference at the same points.
-    pub fn of(points: &[SeenPoint], map: &CoverageMap, unseen: &CoverageMap, reference: &Estimates) -> Self {
-        let found: Vec<Vec3> = points.iter().map(|seen| engine_read(map, seen.uv)).collect();
+    /// Compares what maps hold with the reference at the same points.
+    pub fn of(points: &[SeenPoint], maps: &LightMaps, unseen: &CoverageMap, reference: &Estimates) -> Self {
+        let found: Vec<Vec3> = points.iter().map(|seen| seen.engine_read(maps)).collect();
         let Some(error) = MethodError::of(&found, &reference.irradiance) else { return Self::default() };
         let mean = crate::metrics::mean(&reference.irradiance);
         let shares: Vec<f64> =
@@ -98,8 +98,15 @@ impl SeenError {
     }
 }
 
+impl SeenPoint {
+    /// Irradiance about the point's normal as an engine reads it, W m^-2.
+    pub fn engine_read(&self, maps: &LightMaps) -> Vec3 {
+        maps.irradiance_about(self.point.normal, |map| Some(engine_read(map, self.uv))).unwrap_or_default()
+    }
+}
+
 /// Bilinear read as by a texture unit that clamps at the border: texels without a value are black and count.
-pub fn engine_read(map: &CoverageMap, uv: Vec2) -> Vec3 {
+fn engine_read(map: &CoverageMap, uv: Vec2) -> Vec3 {
     let (texels, weights) = footprint(map.size(), uv);
     texels.iter().zip(weights).map(|(&texel, weight)| map.color(texel) * weight).sum()
 }
@@ -196,7 +203,7 @@ pub(super) fn of_hit(subject: &Subject<'_>, hit: &SurfaceHit) -> Option<SeenPoin
     if !has_texels(subject, face.face) {
         return None;
     }
-    Some(SeenPoint { point: hit.surface_point(subject.caster.scene()), uv: subject.atlas.at(&face) })
+    Some(SeenPoint { point: hit.mapped_point(subject.caster.scene()), uv: subject.atlas.at(&face) })
 }
 
 fn is_inside(subject: &Subject<'_>, point: &SurfacePoint) -> bool {

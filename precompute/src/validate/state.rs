@@ -21,7 +21,7 @@ use crate::reference_file::{ReferenceFile, ReferencePoint};
 use crate::{error::BakeError, picture::Exposure, progress::Progress};
 use glam::Vec3;
 use localprt_formats::BakedView;
-use localprt_runtime::{CoverageMap, passes::gutter_dilation::gutter_dilation};
+use localprt_runtime::{CoverageMap, LightMaps, passes::gutter_dilation::gutter_dilation};
 use localprt_scenes::{Camera, Lighting, luminance};
 use serde::Serialize;
 
@@ -111,8 +111,8 @@ pub struct Shown {
 pub struct MethodFindings {
     /// Irradiance at the measured receivers, W m^-2.
     pub irradiance: Vec<Vec3>,
-    /// Irradiance map, gutters filled.
-    pub map: CoverageMap,
+    /// What a picture is lit by.
+    pub maps: LightMaps,
     /// Errors at the measured receivers.
     pub error: MethodError,
 }
@@ -182,14 +182,14 @@ pub fn measure(
     let seen_error = |points: &[SeenPoint]| {
         let surface: Vec<_> = points.iter().map(|seen| seen.point).collect();
         let reference = tracer.estimate(&surface, settings.budget, progress)?;
-        let error = SeenError::of(points, &lit.relit.irradiance_map, &unseen, &reference);
+        let error = SeenError::of(points, &lit.relit.maps, &unseen, &reference);
         Ok::<_, BakeError>((error, SeenReference { points: points.to_vec(), reference }))
     };
     let mut views = views(&tracer, cameras, settings, progress)?;
     for ((view, camera), points) in views.iter_mut().zip(cameras).zip(&seen_points.views) {
         (view.error, view.seen) = seen_error(points)?;
-        view.flip = view.flip(&lit.relit.irradiance_map);
-        view.measure_surfaces(subject, camera, &lit.relit.irradiance_map);
+        view.flip = view.flip(&lit.relit.maps);
+        view.measure_surfaces(subject, camera, &lit.relit.maps);
     }
     let (area, area_seen) = seen_error(&seen_points.area)?;
 
@@ -202,11 +202,12 @@ pub fn measure(
     let place = |receiver: u32| needed.binary_search(&receiver).expect("measured receivers are among those needed");
     let methods = compared.light.map(|light| {
         let irradiance: Vec<Vec3> = sample.iter().map(|&receiver| light.irradiance[place(receiver)]).collect();
-        let interpolated = || irradiance_map(subject, &spread(subject, &needed, &light.irradiance));
-        let map = light.map.clone().unwrap_or_else(interpolated);
-        let flip = views.iter().map(|view| view.flip(&map)).sum::<f64>() / views.len().max(1) as f64;
+        let interpolated =
+            || LightMaps::of_irradiance(irradiance_map(subject, &spread(subject, &needed, &light.irradiance)));
+        let maps = light.maps.clone().unwrap_or_else(interpolated);
+        let flip = views.iter().map(|view| view.flip(&maps)).sum::<f64>() / views.len().max(1) as f64;
         let error = MethodError::of(&irradiance, &reference.irradiance).unwrap_or_default();
-        MethodFindings { irradiance, map, error: MethodError { flip, ..error } }
+        MethodFindings { irradiance, maps, error: MethodError { flip, ..error } }
     });
 
     // With one bounce the reference is the first bounce.
@@ -304,9 +305,9 @@ fn noise(light: &ViewLight, ev: f32) -> f64 {
 }
 
 impl View {
-    /// Edges and smooth surfaces with indirect light from a map.
-    fn measure_surfaces(&mut self, subject: &Subject<'_>, camera: &Camera, map: &CoverageMap) {
-        let surfaces = SurfacePixels::of(subject, camera, &self.smooth, map);
+    /// Edges and smooth surfaces with indirect light from maps.
+    fn measure_surfaces(&mut self, subject: &Subject<'_>, camera: &Camera, maps: &LightMaps) {
+        let surfaces = SurfacePixels::of(subject, camera, &self.smooth, maps);
         let above = |pixel: &SurfacePixel| pixel.position + pixel.geometric_normal * subject.caster.offset_m();
         self.edges = Edges::of(&surfaces, |from, to| subject.caster.visible(above(from), above(to)));
         let n_pixels = self.smooth.rays.len();
@@ -317,16 +318,18 @@ impl View {
         }
     }
 
-    /// Mean FLIP against the reference of a picture with indirect light from a map.
-    pub(super) fn flip(&self, map: &CoverageMap) -> f64 {
-        let picture = self.smooth.picture(|light| light.radiance(sampled(map, light)));
+    /// Mean FLIP against the reference of a picture with indirect light from maps.
+    pub(super) fn flip(&self, maps: &LightMaps) -> f64 {
+        let picture = self.smooth.picture(|light| light.radiance(sampled(maps, light)));
         mean_flip(&picture, &self.smooth.picture(|light| light.radiance(light.reference())), self.ev)
     }
 }
 
-/// Indirect irradiance that a map holds at what a primary ray met.
-pub fn sampled(map: &CoverageMap, light: &PixelLight) -> Vec3 {
-    light.uv.and_then(|uv| map.sample(uv)).unwrap_or(Vec3::ZERO)
+/// Indirect irradiance that maps hold at what a primary ray met; none where it reflects no light.
+pub fn sampled(maps: &LightMaps, light: &PixelLight) -> Vec3 {
+    let found =
+        light.uv.zip(light.point).and_then(|(uv, point)| maps.irradiance_about(point.normal, |map| map.sample(uv)));
+    found.unwrap_or(Vec3::ZERO)
 }
 
 /// Values at `[n_receivers]` as a map to be read bilinearly, gutters filled.

@@ -3,7 +3,7 @@
 
 use super::{
     path_tracer::{PixelLight, ViewLight},
-    seen::{engine_read, of_hit},
+    seen::of_hit,
     subject::Subject,
 };
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
     rays::{RayCaster, SurfaceHit, frame},
 };
 use glam::{Vec2, Vec3, Vec4Swizzles};
-use localprt_runtime::CoverageMap;
+use localprt_runtime::LightMaps;
 use localprt_scenes::{Camera, luminance};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -37,7 +37,7 @@ pub struct SurfacePixel {
     pub pixel: u32,
     /// World position.
     pub position: Vec3,
-    /// Unit shading normal.
+    /// Unit shading normal, without a normal map.
     pub normal: Vec3,
     /// Unit geometric normal.
     pub geometric_normal: Vec3,
@@ -83,26 +83,26 @@ impl SurfacePixel {
 
 impl SurfacePixels {
     /// Of a picture with one primary ray per pixel.
-    pub fn of(subject: &Subject<'_>, camera: &Camera, picture: &ViewLight, map: &CoverageMap) -> Self {
+    pub fn of(subject: &Subject<'_>, camera: &Camera, picture: &ViewLight, maps: &LightMaps) -> Self {
         let eye = camera.to_world.w_axis.xyz();
         let pixel = |(pixel, light): (usize, &PixelLight)| {
             // A black surface reflects nothing, and its light is not traced.
             light.point?;
             let dir = (light.position - eye).normalize_or_zero();
             let hit = subject.caster.closest_hit(eye, dir)?;
-            let texel_m2 = subject.atlas.texel_m2(subject.caster.scene(), &hit.point?, map.size());
+            let texel_m2 = subject.atlas.texel_m2(subject.caster.scene(), &hit.point?, maps.irradiance.size());
             let (seen, texel_m) = (of_hit(subject, &hit)?, texel_m2.sqrt());
             // A face that is a point of the map has no texels of its own.
             texel_m.is_finite().then(|| SurfacePixel {
                 pixel: pixel as u32,
                 position: hit.position,
-                normal: seen.point.normal,
+                normal: hit.surface_point(subject.caster.scene()).normal,
                 geometric_normal: hit.normal,
                 area: f64::from(hit.t * hit.t / hit.normal.dot(dir).abs().max(f32::EPSILON)),
                 texel_m,
                 edge_texels: edge_m(subject.caster, &hit, SMOOTH_TEXELS * texel_m) / texel_m,
                 radius_m: radius_m(subject, seen.uv),
-                found: luminance(engine_read(map, seen.uv)),
+                found: luminance(seen.engine_read(maps)),
                 halves: light.indirect.map(luminance),
             })
         };

@@ -12,7 +12,7 @@ use crate::{
     settings::{BakeSettings, Preset, SettingsError},
 };
 use glam::Vec3;
-use localprt_runtime::CoverageMap;
+use localprt_runtime::{CoverageMap, LightMaps};
 use serde::Serialize;
 
 /// Receivers at which a sweep measures the operator norm.
@@ -48,9 +48,9 @@ pub struct SweepPoint {
     pub seconds: f64,
     /// Mean unseen share.
     pub unseen: f64,
-    /// Irradiance map.
+    /// What a picture is lit by.
     #[serde(skip)]
-    pub map: CoverageMap,
+    pub maps: LightMaps,
     /// Receivers at which the norm was measured, in file order of the validated file, and their norms.
     #[serde(skip)]
     pub norms: (Vec<u32>, Vec<f32>),
@@ -133,7 +133,7 @@ pub fn run(
             let lit = light(&again, &state.state.lighting, settings.bounces, progress)?;
             let found: Vec<Vec3> =
                 sample.iter().map(|&receiver| lit.relit.irradiance[in_bake(receiver) as usize]).collect();
-            let views = state.views.iter().map(|view| view.flip(&lit.relit.irradiance_map));
+            let views = state.views.iter().map(|view| view.flip(&lit.relit.maps));
             let flip = views.sum::<f64>() / state.views.len().max(1) as f64;
             let error = MethodError::of(&found, &state.reference.irradiance).unwrap_or_default();
 
@@ -150,7 +150,7 @@ pub fn run(
                 bytes: output.report.bytes.projection + output.report.bytes.reconstruction,
                 seconds: output.report.seconds,
                 unseen: output.report.unseen.mean,
-                map: lit.relit.irradiance_map.clone(),
+                maps: lit.relit.maps.clone(),
                 norms: (some, norms),
             })
         })

@@ -39,7 +39,7 @@ fn assert_furnace(relit: &Relit, expected: f64) {
         }
     }
     for (texel, value) in relit.irradiance.iter().enumerate() {
-        assert_eq!((relit.irradiance_map.color(texel), relit.irradiance_map.coverage(texel)), (*value, 1.0));
+        assert_eq!((relit.maps.irradiance.color(texel), relit.maps.irradiance.coverage(texel)), (*value, 1.0));
     }
 }
 
@@ -119,7 +119,7 @@ fn no_bounce_gives_no_light_but_a_covered_map() {
     gi.relight(&RelightInputs::new(&surface)).unwrap();
     let relit = gi.relight(&RelightInputs { bounces: 0, ..RelightInputs::new(&surface) }).unwrap();
     assert!(relit.irradiance.iter().all(|value| *value == Vec3::ZERO));
-    let covered: Vec<_> = (0..16).filter(|&texel| relit.irradiance_map.coverage(texel) == 1.0).collect();
+    let covered: Vec<_> = (0..16).filter(|&texel| relit.maps.irradiance.coverage(texel) == 1.0).collect();
     // 11 receivers, and gutters at 13 and 14.
     assert_eq!(covered, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 14]);
 }

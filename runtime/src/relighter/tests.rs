@@ -108,7 +108,7 @@ fn assert_passes_agree(gpu: &Relighter, cpu: &CpuRelighter<'_>, tolerance: f64) 
     assert_close("cluster lights", &gpu.read_cluster_lights().unwrap(), cpu.cluster_lights(), tolerance);
     assert_close("coefficients", &gpu.read_coefficients().unwrap(), &cpu.relit().coefficients, tolerance);
     let (_, texels) = map_texels(gpu, &gpu.maps.irradiance, 0);
-    assert_maps_close("irradiance map", &texels, &cpu.relit().irradiance_map, tolerance);
+    assert_maps_close("irradiance map", &texels, &cpu.relit().maps.irradiance, tolerance);
 }
 
 /// Three gathers of both relighters under the same light, compared pass by pass after each.

@@ -88,6 +88,9 @@ pub struct Cli {
     /// Folder for the frames of a flight along the scene's cameras, or around the first; made if missing
     #[arg(long, value_name = "DIR", group = "pictures", conflicts_with = "screenshot", requires = "headless")]
     pub record: Option<PathBuf>,
+    /// The camera of a recording stays where it is
+    #[arg(long, requires = "record")]
+    pub still: bool,
     /// Frames before the screenshot, each with a gather; of a recording [default: 8; of a recording 120]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,

@@ -73,7 +73,7 @@ impl Headless<'_> {
         }
         let mut drawn = Drawn { gpu: &gpu, renderer: &mut renderer, other };
         match (&cli.screenshot, &cli.record) {
-            (_, Some(folder)) => self.record(&mut drawn, folder, cli.frames.unwrap_or(RECORDED_FRAMES)),
+            (_, Some(folder)) => self.record(&mut drawn, folder, cli.frames.unwrap_or(RECORDED_FRAMES), cli.still),
             (Some(path), None) => self.screenshot(&mut drawn, path, cli.frames.unwrap_or(FRAMES)),
             (None, None) => Ok(()),
         }
@@ -93,12 +93,20 @@ impl Headless<'_> {
         Ok(())
     }
 
-    fn record(&mut self, drawn: &mut Drawn<'_>, folder: &Path, n_frames: u32) -> Result<(), CommandError> {
+    fn record(
+        &mut self,
+        drawn: &mut Drawn<'_>,
+        folder: &Path,
+        n_frames: u32,
+        is_still: bool,
+    ) -> Result<(), CommandError> {
         std::fs::create_dir_all(folder).map_err(|error| OutputError::write(folder, error))?;
         check_writable(&folder.join("frame_00000.png"))?;
         let start = self.state.viewpoint;
         for frame in 0..n_frames {
-            self.state.viewpoint = camera_path(self.bake, &start, frame as f32 / n_frames as f32);
+            if !is_still {
+                self.state.viewpoint = camera_path(self.bake, &start, frame as f32 / n_frames as f32);
+            }
             // Light has arrived, and the exposure of the first picture is that of all.
             let n_gathers = if frame == 0 { FRAMES } else { 1 };
             for _ in 0..n_gathers {

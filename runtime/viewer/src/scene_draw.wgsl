@@ -134,9 +134,11 @@ fn surface_fragment(in: SurfaceVertex, @builtin(front_facing) is_front: bool) ->
     if (!(dot(normal, geometric_normal) > 0.0)) { normal = geometric_normal; }
     let is_mapped = (frame.flags & FLAG_NORMAL_MAPS) != 0u && material.has_normal_map == 1u;
     if (is_mapped) {
-        let tangent = tangent_frame(in, normal, is_front, dx, dy, uv_dx, uv_dy);
+        // From behind, the map's bumps are dents: the same surface, reversed.
+        let side = select(-1.0, 1.0, is_front);
+        let tangent = tangent_frame(in, normal * side, dx, dy, uv_dx, uv_dy);
         let bent = tangent * vec3f(normal_texel.xy * material.normal_scale, normal_texel.z);
-        normal = normalize(bent);
+        normal = normalize(bent) * side;
     }
 
     let albedo = clamp(select(base.rgb, material.albedo.rgb, material.albedo.w == 1.0), vec3f(0.0), vec3f(1.0));
@@ -184,11 +186,10 @@ fn receiver_color(uv: vec2f) -> vec3f {
     return select(NO_TEXEL, texel.rgb, texel.a > 0.0 && uv.x > -0.5);
 }
 
-// Tangent, bitangent and normal; from the change of the coordinates over the picture where the scene has no tangents.
+// Tangent, bitangent and the normal of the front; from the change of the coordinates over the picture where the scene has no tangents.
 fn tangent_frame(
     in: SurfaceVertex,
     normal: vec3f,
-    is_front: bool,
     dx: vec3f,
     dy: vec3f,
     uv_dx: vec2f,
@@ -198,9 +199,7 @@ fn tangent_frame(
         let across = in.tangent.xyz - normal * dot(normal, in.tangent.xyz);
         if (dot(across, across) > 0.0) {
             let tangent = normalize(across);
-            // From behind, the map's bumps are dents.
-            let side = select(-1.0, 1.0, is_front) * sign(in.tangent.w);
-            return mat3x3f(tangent, cross(normal, tangent) * side, normal);
+            return mat3x3f(tangent, cross(normal, tangent) * sign(in.tangent.w), normal);
         }
     }
     let x_axis = cross(dy, normal);

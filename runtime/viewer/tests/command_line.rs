@@ -122,6 +122,12 @@ fn recordings_are_numbered_frames() {
     let frame = |index: u32| png(&baked.folder().join(format!("flight/frame_{index:05}.png")));
     assert!(frame(0) != frame(1) && frame(1) != frame(2), "the camera moves");
     assert_eq!(fs::read_dir(baked.folder().join("flight")).expect("a folder").count(), 3);
+
+    let still = ["--headless", "--record", "still", "--still", "--frames", "2", "--size", "64x48", "--bounces", "1"];
+    let output = viewer(baked.folder(), &[&[baked.file()], still.as_slice()].concat()).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let frame = |index: u32| png(&baked.folder().join(format!("still/frame_{index:05}.png")));
+    assert!(frame(0) == frame(1), "nothing moves");
 }
 
 /// What `precompute relight --picture` makes.
@@ -140,7 +146,7 @@ fn traced_picture(baked: &SmallBake, width: u32, height: u32, bounces: u32) -> P
         surfaces.radiance(
             hit,
             |position, normal| direct_irradiance(&caster, &lighting.lights, position, normal, hit.normal),
-            |uv| relit.irradiance_map.sample(uv).unwrap_or(Vec3::ZERO),
+            |uv, normal| relit.maps.irradiance_about(normal, |map| map.sample(uv)).unwrap_or(Vec3::ZERO),
         )
     };
     render(&caster, &scene.cameras[0], size, &Progress::silent(), radiance, |_| Vec3::ZERO).expect("not cancelled")

@@ -6,8 +6,10 @@
 
 mod atrium;
 mod blinds;
+mod bricks;
 mod city;
 mod cornell;
+mod drawn;
 mod furnace;
 mod plane;
 mod room_on_plain;
@@ -34,6 +36,7 @@ pub fn names() -> &'static [&'static str] {
         "city",
         "room-on-plain",
         "blinds",
+        "bricks",
         "sphere",
         "plane",
     ]
@@ -50,6 +53,7 @@ pub fn scene(name: &str) -> Option<Scene> {
         "atrium" => atrium::build(),
         "room-on-plain" => room_on_plain::build(),
         "blinds" => blinds::build(),
+        "bricks" => bricks::build(),
         "sphere" => sphere::build(),
         "plane" => plane::build(),
         _ => city::build(city::blocks(name)?),

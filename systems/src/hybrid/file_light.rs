@@ -56,7 +56,7 @@ impl<'a> FileLight<'a> {
         if !has_texels {
             return None;
         }
-        self.relighter.relit().irradiance_map.sample(self.atlas.at(&face))
+        self.relighter.relit().maps.irradiance.sample(self.atlas.at(&face))
     }
 
     /// The same at points that are looked at.
@@ -66,7 +66,7 @@ impl<'a> FileLight<'a> {
 
     /// Points and present light of the texels that the file is relit by.
     pub(super) fn texel_lights(&self) -> Vec<(SurfacePoint, Vec3)> {
-        let map = &self.relighter.relit().irradiance_map;
+        let map = &self.relighter.relit().maps.irradiance;
         let size = self.texels.size;
         let of_texel = |texel: usize| {
             let point = SurfacePoint {

@@ -11,7 +11,7 @@ pub static COMPRESSED: Method = Method {
     comparator: None,
     prepare: |lit, _| {
         let relit = &lit.relit;
-        let map = Some(relit.irradiance_map.clone());
-        Ok(Prepared { map, ..Prepared::at_receivers(|receiver| relit.irradiance[receiver.id as usize]) })
+        let maps = Some(relit.maps.clone());
+        Ok(Prepared { maps, ..Prepared::at_receivers(|receiver| relit.irradiance[receiver.id as usize]) })
     },
 };

@@ -21,7 +21,7 @@ pub use spatial::SPATIAL;
 use super::lit::Lit;
 use crate::{error::BakeError, progress::Progress, transport::GatherSet};
 use glam::Vec3;
-use localprt_runtime::CoverageMap;
+use localprt_runtime::LightMaps;
 
 /// All methods; ours is the first.
 pub static METHODS: &[&Method] = &[&COMPRESSED, &UNCOMPRESSED, &WITHOUT_LINKS, &SPATIAL, &ARIKAN, &PAPER];
@@ -50,8 +50,8 @@ pub struct Method {
 pub struct Prepared<'a> {
     /// Irradiance of a receiver, W m^-2, not negative.
     pub irradiance: Box<dyn Fn(&Receiver<'_>) -> Vec3 + Sync + 'a>,
-    /// Irradiance map, of a method that has one. Pictures of others are interpolated between receivers.
-    pub map: Option<CoverageMap>,
+    /// Maps, of a method that has them. Pictures of others are interpolated between receivers.
+    pub maps: Option<LightMaps>,
 }
 
 /// Light of one method.
@@ -60,7 +60,7 @@ pub struct MethodLight {
     /// `[n_receivers]` irradiance.
     pub irradiance: Vec<Vec3>,
     /// As in [`Prepared`].
-    pub map: Option<CoverageMap>,
+    pub maps: Option<LightMaps>,
 }
 
 /// Light of all methods at the same receivers.
@@ -87,7 +87,7 @@ pub fn compare(lit: &Lit<'_>, receivers: &[u32], progress: &Progress) -> Result<
     })?;
     let light = prepared.into_iter().enumerate().map(|(method, prepared)| {
         let irradiance = found.iter().map(|(light, _)| light[method]).collect();
-        MethodLight { irradiance, map: prepared.map }
+        MethodLight { irradiance, maps: prepared.maps }
     });
     Ok(Compared { light: ByMethod::new(light.collect()), near: found.iter().map(|&(_, near)| near).collect() })
 }
@@ -95,6 +95,6 @@ pub fn compare(lit: &Lit<'_>, receivers: &[u32], progress: &Progress) -> Result<
 impl<'a> Prepared<'a> {
     /// A method that knows receivers alone.
     fn at_receivers(irradiance: impl Fn(&Receiver<'_>) -> Vec3 + Sync + 'a) -> Self {
-        Self { irradiance: Box::new(irradiance), map: None }
+        Self { irradiance: Box::new(irradiance), maps: None }
     }
 }

@@ -327,7 +327,7 @@ fn sweep_pictures(
             images.push(NamedImage { name: format!("{} = {}", sweep.option, point.value), file, caption });
             Ok(())
         };
-        let mut light = view.light.picture(|light| light.gray(sampled(&point.map, light)));
+        let mut light = view.light.picture(|light| light.gray(sampled(&point.maps, light)));
         let developed = Rgb8Image { width: light.width, height: light.height, pixels: light.develop(Exposure::Ev(ev)) };
         add("light", &developed, format!("nrmse {}", percent(point.error.nrmse)))?;
         for (pixel, reference) in light.pixels.iter_mut().zip(&reference.pixels) {

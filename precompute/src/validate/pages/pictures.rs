@@ -16,7 +16,7 @@ use crate::{
     },
 };
 use glam::Vec3;
-use localprt_runtime::CoverageMap;
+use localprt_runtime::LightMaps;
 use localprt_scenes::luminance;
 
 /// What stands for no value in heat maps.
@@ -146,10 +146,10 @@ fn methods(figures: &StateFigures) -> Block {
 }
 
 fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) -> Result<Vec<Block>, OutputError> {
-    let taken = |map: &CoverageMap| view.light.picture(|light| light.radiance(sampled(map, light)));
+    let taken = |maps: &LightMaps| view.light.picture(|light| light.radiance(sampled(maps, light)));
     let reference = view.light.picture(|light| light.radiance(light.reference()));
     let smooth = |indirect: &dyn Fn(&PixelLight) -> Vec3| view.smooth.picture(|light| light.radiance(indirect(light)));
-    let ours = &state.methods.of(&COMPRESSED).map;
+    let ours = &state.methods.of(&COMPRESSED).maps;
     let difference =
         flip(&smooth(&|light| sampled(ours, light)), &smooth(&|light: &PixelLight| light.reference()), view.ev);
     let develop = |picture: &Picture, ev: f32| Rgb8Image {
@@ -165,7 +165,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
         caption: "path traced at every pixel".into(),
     }];
     for (method, found) in state.methods.iter() {
-        let file = folder.picture(&format!("{name}-{}", method.label), &develop(&taken(&found.map), view.ev))?;
+        let file = folder.picture(&format!("{name}-{}", method.label), &develop(&taken(&found.maps), view.ev))?;
         images.push(NamedImage { name: method.label.into(), file, caption: method.caption.into() });
     }
     images.swap(0, 1);
@@ -185,7 +185,7 @@ fn view_blocks(state: &StateFindings, view: &View, name: &str, folder: &Folder) 
     let ev = Exposure::Auto.ev(&reference_light.pixels);
     let mut lights = Vec::new();
     for (method, found) in state.methods.iter() {
-        let picture = view.light.picture(|light| light.gray(sampled(&found.map, light)));
+        let picture = view.light.picture(|light| light.gray(sampled(&found.maps, light)));
         let file = folder.picture(&format!("{name}-light-{}", method.label), &develop(&picture, ev))?;
         lights.push(NamedImage { name: method.label.into(), file, caption: method.caption.into() });
     }
@@ -264,7 +264,7 @@ fn enlarged(view: &View, values: &[f32]) -> Vec<f32> {
 
 /// `(E - E_ref) / mean E_ref` of luminance per pixel of the smooth picture.
 fn relative_error(state: &StateFindings, view: &View) -> Vec<f32> {
-    let ours = &state.methods.of(&COMPRESSED).map;
+    let ours = &state.methods.of(&COMPRESSED).maps;
     view.smooth.values(|light| {
         // A black surface reflects nothing, and its light is not traced.
         light.uv.and(light.point)?;

@@ -112,9 +112,9 @@ fn light(context: &Context<'_>, system: &SystemFindings, view: &View, number: us
         Some(picture) => picture.clone(),
         None => {
             let methods = context.findings.states[0].methods.iter();
-            let map =
-                methods.filter(|(method, _)| Some(method.name) == system.method).map(|(_, found)| &found.map).next();
-            view.smooth.rays.iter().map(|ray| map.map_or(Vec3::ZERO, |map| sampled(map, ray))).collect()
+            let maps =
+                methods.filter(|(method, _)| Some(method.name) == system.method).map(|(_, found)| &found.maps).next();
+            view.smooth.rays.iter().map(|ray| maps.map_or(Vec3::ZERO, |maps| sampled(maps, ray))).collect()
         }
     }
 }

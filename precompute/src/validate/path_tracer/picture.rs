@@ -44,7 +44,7 @@ pub struct PixelLight {
     pub uv: Option<Vec2>,
     /// World position of the point.
     pub position: Vec3,
-    /// The point as one that receives light; `None` where no light is reflected.
+    /// The point as one that receives light, with the normal of its normal map; `None` where no light is reflected.
     pub point: Option<SurfacePoint>,
 }
 
@@ -188,7 +188,7 @@ impl PathTracer<'_> {
             return PixelLight { other: self.lighting.sky.radiance(dir), ..PixelLight::default() };
         };
         let Some(face) = hit.point else { return PixelLight { position: hit.position, ..PixelLight::default() } };
-        let point = hit.surface_point(scene);
+        let point = hit.mapped_point(scene);
         let albedo = self.shading.albedo(face.mesh, face.triangle, face.barycentrics);
         let emission = self.shading.emission(face.mesh, face.triangle, face.barycentrics);
         // All lights, so that a picture's direct light has no noise.

@@ -5,11 +5,7 @@ use super::{
     moving::Course,
     selection::{Keeps, Ours},
 };
-use crate::{
-    error::BakeError,
-    progress::Progress,
-    validate::seen::{SeenPoint, engine_read},
-};
+use crate::{error::BakeError, progress::Progress, validate::seen::SeenPoint};
 use glam::Vec3;
 use localprt_systems::System;
 use localprt_systems::hybrid::{FileLight, Hybrid, Settings};
@@ -30,7 +26,7 @@ pub(super) fn measure(
     let Comparison { subject, state, bounces, .. } = *comparison;
     let found = state.methods.of(ours.method);
     let read =
-        |points: &[SeenPoint]| -> Vec<Vec3> { points.iter().map(|seen| engine_read(&found.map, seen.uv)).collect() };
+        |points: &[SeenPoint]| -> Vec<Vec3> { points.iter().map(|seen| seen.engine_read(&found.maps)).collect() };
     let light = Light {
         receivers: found.irradiance.clone(),
         views: state.views.iter().map(|view| read(&view.seen.points)).collect(),

@@ -1,9 +1,9 @@
 //! Textures computed in code: ashlar masonry, checkered tiles, and a twig with leaves.
 
 use super::noise;
+use crate::builtin::drawn::draw;
 use crate::scene::Image;
 use glam::{Vec2, Vec3};
-use image::ImageEncoder;
 
 /// Courses of stone, 2 x 2 m: four courses of two stones, every other course shifted.
 pub(super) fn ashlar() -> Image {
@@ -62,22 +62,4 @@ pub(super) fn leaf() -> Image {
         let alpha = if shade.is_some() || stem { 1.0 } else { 0.0 };
         (Vec3::new(98.0, 142.0, 58.0) * shade.unwrap_or(0.8), alpha)
     })
-}
-
-/// Colors in sRGB 0..255 and alpha in 0..1, evaluated at pixel centers in 0..1, row 0 on top.
-fn draw(name: &str, size: u32, color: impl Fn(Vec2) -> (Vec3, f32)) -> Image {
-    let mut rgba = vec![];
-    for y in 0..size {
-        for x in 0..size {
-            let (color, alpha) = color((Vec2::new(x as f32, y as f32) + 0.5) / size as f32);
-            let bytes = color.clamp(Vec3::ZERO, Vec3::splat(255.0)).round();
-            rgba.extend([bytes.x as u8, bytes.y as u8, bytes.z as u8, (alpha * 255.0).round() as u8]);
-        }
-    }
-    let mut png = vec![];
-    let encoder = image::codecs::png::PngEncoder::new(&mut png);
-    // Writing to memory does not fail, and an image without its encoded form is complete.
-    let encoded = encoder.write_image(&rgba, size, size, image::ExtendedColorType::Rgba8);
-    let encoded = encoded.ok().map(|()| ("image/png".into(), png));
-    Image { name: name.into(), width: size, height: size, rgba, encoded }
 }

@@ -85,6 +85,13 @@ impl SurfaceHit {
         let normal = if normal.dot(self.normal) < 0.0 { -normal } else { normal };
         SurfacePoint { position: self.position, normal, geometric_normal: self.normal }
     }
+
+    /// The same with the normal that the material's normal map gives: as a camera sees it.
+    pub fn mapped_point(&self, scene: &Scene) -> SurfacePoint {
+        let point = self.surface_point(scene);
+        let Some(face) = self.point else { return point };
+        SurfacePoint { normal: scene.mapped_normal(face.mesh, face.triangle, face.barycentrics, point.normal), ..point }
+    }
 }
 
 impl FacePoint {

@@ -21,23 +21,21 @@ impl<'a> Surfaces<'a> {
     /// Radiance that leaves a hit toward the ray's origin: Le + albedo/pi (E_direct + E_indirect).
     ///
     /// `direct` gives the irradiance straight from the lights at a position and unit normal, `indirect` the irradiance at
-    /// a lightmap coordinate (TEXCOORD_1). The back of a one-sided surface is black.
+    /// a lightmap coordinate (TEXCOORD_1) about a unit normal: the one of the material's normal map. The back of a one-sided surface is black.
     pub fn radiance(
         &self,
         hit: &SurfaceHit,
         direct: impl Fn(Vec3, Vec3) -> Vec3,
-        indirect: impl Fn(Vec2) -> Vec3,
+        indirect: impl Fn(Vec2, Vec3) -> Vec3,
     ) -> Vec3 {
         let Some(point) = hit.point else { return Vec3::ZERO };
         let (mesh, triangle, weights) = (&self.scene.meshes[point.mesh], point.triangle, point.barycentrics);
         let albedo = self.gray.map_or_else(|| self.shading.albedo(point.mesh, triangle, weights), Vec3::splat);
+        let normal = hit.mapped_point(self.scene).normal;
         let indirect = mesh.lightmap_uv().map_or(Vec3::ZERO, |set| {
             let corners = mesh.triangles[triangle].map(|vertex| set[vertex as usize]);
-            indirect(corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z)
+            indirect(corners[0] * weights.x + corners[1] * weights.y + corners[2] * weights.z, normal)
         });
-        let normal = self.scene.shading_normal(point.mesh, triangle, weights);
-        // The other side of a double-sided face.
-        let normal = if normal.dot(hit.normal) < 0.0 { -normal } else { normal };
         let emission = self.shading.emission(point.mesh, triangle, weights);
         emission + albedo / PI * (direct(hit.position, normal) + indirect)
     }
@@ -65,7 +63,7 @@ mod tests {
         let hit = caster.closest_hit(Vec3::new(-0.75, 1.0, -0.25), Vec3::NEG_Y).expect("the floor");
         let direct = |_: Vec3, normal: Vec3| Vec3::splat(3.0 * normal.y);
         // The lightmap covers the floor: u = (x + 1) / 2, v = (z + 1) / 2.
-        let indirect = |uv: Vec2| Vec3::new(0.0, uv.x, uv.y);
+        let indirect = |uv: Vec2, _: Vec3| Vec3::new(0.0, uv.x, uv.y);
         let mut lighting = Lighting::default();
         let surfaces = Surfaces::new(&scene, &lighting, None);
         let expected = Vec3::new(0.5 * 3.0 / PI, 0.25 * 3.125 / PI, 2.0 + 3.375 / PI);
