@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Holds the viewer in a browser against the viewer here: one bake, one state, two pictures; then uses the page by mouse and
-# keys. Chromium runs without a window and without a GPU. Where nothing compiles to WebAssembly, or there is no Chromium, it
+# keys, and loses its device. Chromium runs without a window and without a GPU. Where nothing compiles to WebAssembly, or there is no Chromium, it
 # says so and that is no failure. Not part of scripts/test.sh: a first build takes many minutes.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -29,7 +29,7 @@ cargo build --release --workspace --bins
 cargo build --release -p localprt-precompute --example flip
 target=${CARGO_TARGET_DIR:-target}
 "$target/release/precompute" bake builtin:cornell -o "$folder/cornell.lprt" --quiet --preset preview --probes 20 \
-    --probe-degree 4 --lightmap 256 --receiver-degree 1
+    --probe-degree 4 --lightmap 128 --receiver-degree 1
 code=0
 scripts/web.sh "$folder/cornell.lprt" --out "$folder/site" --no-serve || code=$?
 case $code in
@@ -49,4 +49,5 @@ awk -v found="${found#FLIP mean }" -v allowed=$allowed 'BEGIN { exit !(found + 0
     exit 1
 }
 CHROMIUM=$chromium scripts/web/headless.py --open "$folder/site" "$folder/open.png"
+CHROMIUM=$chromium scripts/web/headless.py --refuse "$folder/site"
 echo "web_test: passed"

@@ -3,7 +3,9 @@
 
     scripts/web/headless.py FOLDER OUT.png [KEY=VALUE ...]          saves the picture that the page computes
     scripts/web/headless.py --open FOLDER OUT.png [KEY=VALUE ...]   uses the viewer: drags, presses keys, takes a picture
-                                                                    of the page; fails where that has no effect
+                                                                    of the page, loses the device; fails where that has
+                                                                    no effect, or another than it should
+    scripts/web/headless.py --refuse FOLDER                         opens it where the browser gives no adapter
 
 The page's address gets the keys (frames=8 size=480x360). Runs on the CPU (SwiftShader). Exit code 1 if the page fails.
 Standard library only: Chromium is driven through a pipe.
@@ -25,9 +27,15 @@ import time
 import urllib.parse
 import zlib
 
+# WebGPU, and what composes the page, on the same SwiftShader: otherwise no image is found that both can use, and the first frame
+# that a canvas shows takes the device away ("Could not find SharedImageBackingFactory"). A graphics process that has crashed is started
+# again however often, and pages keep WebGPU: by default the second crash takes it from them.
 FLAGS = """--headless=new --no-sandbox --disable-dev-shm-usage --enable-unsafe-webgpu --enable-features=Vulkan
---use-vulkan=swiftshader --use-webgpu-adapter=swiftshader --enable-unsafe-swiftshader --ignore-gpu-blocklist
---remote-debugging-pipe --no-first-run""".split()
+--use-vulkan=swiftshader --use-webgpu-adapter=swiftshader --use-angle=swiftshader --enable-unsafe-swiftshader
+--ignore-gpu-blocklist --disable-gpu-process-crash-limit --disable-domain-blocking-for-3d-apis
+--force-color-profile=srgb --remote-debugging-pipe --no-first-run""".split()
+# As in runtime/viewer/src/window.rs.
+MOST_LOSSES = 3
 PATIENCE_S = float(os.environ.get("PATIENCE_S", 300))
 
 
@@ -60,6 +68,7 @@ class Chromium:
         self.rest = b""
         self.number = 0
         self.attached = None
+        self.target = None
         # Errors of the page: exceptions, and what it has told the console.
         self.errors = []
 
@@ -107,19 +116,24 @@ class Chromium:
             sys.exit(f"headless: {expression}: {result['exceptionDetails']}")
         return result["result"].get("value")
 
-    def open(self, address):
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+    def open(self, address, before=""):
+        """A page of 960 x 540 pixels; `before` runs in it before its own scripts."""
+        if self.target:
+            self.attached = None
+            self.call("Target.closeTarget", targetId=self.target)
+        target = self.target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self.attached = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ["Runtime", "Log", "Page"]:
             self.call(f"{domain}.enable")
         self.call("Emulation.setDeviceMetricsOverride", width=960, height=540, deviceScaleFactor=1, mobile=False)
+        self.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         self.call("Page.navigate", url=address)
 
-    def await_state(self, wanted):
+    def await_state(self, wanted, during="loading"):
         end = time.monotonic() + PATIENCE_S
-        while (state := self.value("window.localprt?.state ?? 'loading'")) == "loading":
+        while (state := self.value("window.localprt?.state ?? 'loading'")) in ("loading", during):
             if time.monotonic() > end:
-                sys.exit(f"headless: the page was not ready within {PATIENCE_S:.0f} s")
+                sys.exit(f"headless: the page was not {wanted} within {PATIENCE_S:.0f} s")
             time.sleep(0.25)
         if state != wanted:
             sys.exit(f"headless: {state}: {self.value('window.localprt.message')}")
@@ -131,6 +145,16 @@ class Chromium:
     def key(self, key, code, number):
         for kind in ["keyDown", "keyUp"]:
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number)
+
+    def screenshot(self, **clip):
+        area = {"clip": {**clip, "scale": 1}} if clip else {}
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png", **area)["data"])
+
+    def lose_device(self):
+        """Crashes the browser's graphics process, and every device with it."""
+        page, self.attached = self.attached, None
+        self.call("Browser.crashGpuProcess")
+        self.attached = page
 
     def close(self):
         self.process.terminate()
@@ -193,31 +217,83 @@ def use(browser, out):
     browser.key("1", "Digit1", 49)
     until("and back", lambda last: last["view"] == "Final")
     # Until all bounces have arrived, after which the viewer rests.
-    until("a still picture is not drawn again", lambda last: last["still"])
+    last = until("a still picture is not drawn again", lambda last: last["still"])
+    # The picture alone: left of the panel, above what is told.
+    area = {"x": 40, "y": 40, "width": 400, "height": 400}
+    before = browser.screenshot(**area)
     with open(out, "wb") as file:
-        file.write(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
+        file.write(browser.screenshot())
     if browser.errors:
         sys.exit(f"headless: {browser.errors[0]}")
     print(f"{out}: the page")
 
+    for loss in range(1, MOST_LOSSES + 1):
+        gathers = last["gathers"]
+        browser.lose_device()
+        last = until(f"loss {loss} of the device: a new one starts from darkness", lambda last: last["gathers"] < gathers)
+        if "new one" not in (last["notice"] or ""):
+            sys.exit(f"headless: the viewer does not tell of the loss: {last['notice']}")
+        if loss == 1:
+            last = until("and all bounces arrive", lambda last: last["still"])
+            if browser.screenshot(**area) != before:
+                sys.exit("headless: the picture on a new device is another one")
+        else:
+            last = until("and goes on", lambda last: last["gathers"] >= 4)
+    browser.lose_device()
+    browser.await_state("failed", during="open")
+    speaks_of_browsers(browser, "lost again and again")
 
-def main():
-    arguments = sys.argv[1:]
-    opens = arguments[:1] == ["--open"]
-    if opens:
-        arguments = arguments[1:]
-    if len(arguments) < 2:
-        sys.exit(__doc__)
-    folder, out, *keys = arguments
+
+def refused(browser):
+    browser.await_state("failed", during="open")
+    speaks_of_browsers(browser, "no WebGPU device")
+
+
+def speaks_of_browsers(browser, what):
+    message = browser.value("window.localprt.message")
+    if what not in message or "browser" not in message or "Vulkan" in message:
+        sys.exit(f"headless: no message for users of browsers: {message}")
+    if browser.value("document.getElementById('message').textContent") != message:
+        sys.exit("headless: the page does not show its message")
+    print(f"told: {message}")
+
+
+@contextlib.contextmanager
+def served(folder):
+    """Serves a folder to this machine, and gives its address."""
     handler = functools.partial(Quiet, directory=folder)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    asked = {} if opens else {"picture": 1}
-    query = urllib.parse.urlencode({**asked, **dict(key.split("=", 1) for key in keys)})
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+
+
+@contextlib.contextmanager
+def chromium():
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         with contextlib.closing(Chromium(profile)) as browser:
-            browser.open(f"http://127.0.0.1:{server.server_port}/?{query}")
-            (use if opens else picture)(browser, out)
+            yield browser
+
+
+def main():
+    arguments = sys.argv[1:]
+    mode = arguments.pop(0) if arguments[:1] in (["--open"], ["--refuse"]) else "--picture"
+    if len(arguments) < (1 if mode == "--refuse" else 2):
+        sys.exit(__doc__)
+    folder, *rest = arguments
+    keys = rest[1:]
+    asked = {"picture": 1} if mode == "--picture" else {}
+    query = urllib.parse.urlencode({**asked, **dict(key.split("=", 1) for key in keys)})
+    before = "GPU.prototype.requestAdapter = async () => null" if mode == "--refuse" else ""
+    with served(folder) as address, chromium() as browser:
+        browser.open(f"{address}/?{query}", before)
+        match mode:
+            case "--picture":
+                picture(browser, rest[0])
+            case "--open":
+                use(browser, rest[0])
+            case "--refuse":
+                refused(browser)
 
 
 if __name__ == "__main__":

@@ -81,6 +81,13 @@ impl Gpu {
 }
 
 fn no_gpu(error: &dyn std::error::Error) -> CommandError {
+    if cfg!(target_arch = "wasm32") {
+        // What wgpu says is about backends that pages do not have.
+        return CommandError::new(Exit::Unsupported, "this browser gives the page no WebGPU device").help(
+            "turn graphics acceleration on in its settings, and start it again if its graphics process has crashed; \
+             chrome://gpu or about:support says why",
+        );
+    }
     CommandError::of(Exit::Unsupported, error).help(
         "the viewer needs a driver for Vulkan, DirectX 12 or Metal; without a GPU, Mesa's lavapipe will do \
          (Debian, Ubuntu: mesa-vulkan-drivers)",

@@ -65,7 +65,7 @@ struct Corner {
 
 // Bit k of the number is a step along axis k.
 fn corner_of(cage: Cage, corner: u32) -> Corner {
-    let step = vec3u(corner & 1u, corner >> 1u & 1u, corner >> 2u & 1u);
+    let step = vec3u(corner & 1u, (corner >> 1u) & 1u, (corner >> 2u) & 1u);
     let at = cage.base + step;
     let shares = mix(1.0 - cage.along, cage.along, vec3f(step));
     return Corner((at.z * other.size.y + at.y) * other.size.x + at.x, shares.x * shares.y * shares.z);

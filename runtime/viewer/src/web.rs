@@ -82,5 +82,10 @@ pub async fn picture(
     for _ in 0..frames.max(1) {
         renderer.render(&gpu, &bake, &state, &stage, &[])?;
     }
-    Ok(renderer.target().request_srgb(&gpu.device, &gpu.queue).await?)
+    let rgba = renderer.target().request_srgb(&gpu.device, &gpu.queue).await?;
+    // Browsers are stricter about shaders than other backends, and tell it late: a picture of nothing would be one too.
+    match gpu.take_error() {
+        Some(error) => Err(JsError::new(&error)),
+        None => Ok(rgba),
+    }
 }

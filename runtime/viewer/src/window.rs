@@ -309,8 +309,12 @@ impl<'a> Host<'a> {
     fn recover(&mut self) -> Result<(), CommandError> {
         self.n_losses += 1;
         if self.n_losses > MOST_LOSSES {
-            return Err(CommandError::new(Exit::Unsupported, "the graphics device was lost again and again")
-                .help("see what the driver says; a smaller --size may help"));
+            let help = if cfg!(target_arch = "wasm32") {
+                "close other pages, start the browser again, and see what chrome://gpu or about:support says"
+            } else {
+                "see what the driver says; a smaller --size may help"
+            };
+            return Err(CommandError::new(Exit::Unsupported, "the graphics device was lost again and again").help(help));
         }
         let Some(shown) = self.shown.take() else { return Ok(()) };
         let window = shown.screen.into_window();
