@@ -27,8 +27,12 @@ pack() {
     shift
     local folder=$target/package-$name
     rm -rf "$folder"
-    mkdir -p "$folder/$name/man" "$folder/$name/completions"
-    cp "$@" LICENSE-APACHE LICENSE-MIT README.md CHANGELOG.md "$folder/$name/"
+    mkdir -p "$folder/$name"
+    cp "$@" "$folder/$name/"
+    # Line numbers of the source are half of a program and more.
+    if command -v strip >/dev/null 2>&1; then strip --strip-debug "$folder/$name/"*; fi
+    mkdir "$folder/$name/man" "$folder/$name/completions"
+    cp LICENSE-APACHE LICENSE-MIT README.md CHANGELOG.md "$folder/$name/"
     "$precompute" man -o "$folder/$name/man" >/dev/null
     for shell in bash zsh fish powershell; do
         "$precompute" completions "$shell" >"$folder/$name/completions/precompute.$shell"
