@@ -51,11 +51,14 @@ cargo build --release -p localprt-precompute --example flip
 target=${CARGO_TARGET_DIR:-target}
 "$target/release/precompute" bake builtin:cornell -o "$folder/site/cornell.lprt" --quiet --preset preview --probes 20 \
     --probe-degree 4 --lightmap 128 --receiver-degree 1
+# Of few texels, for many frames.
+"$target/release/precompute" bake builtin:cornell -o "$folder/site/small.lprt" --quiet --preset preview --probes 20 \
+    --probe-degree 4 --lightmap 64 --receiver-degree 1
 
 npm install --silent --no-audit --no-fund --prefix "$folder/site" "$folder"/three/localprt-*.tgz "three@$three" "@types/three@$three" typescript@7
 cp "$folder"/site/node_modules/localprt/example/* "$folder/site/"
-cp scripts/web/three_types.ts "$folder/site/"
-(cd "$folder/site" && node_modules/.bin/tsc --noEmit --strict --target es2022 --module nodenext three_types.ts) ||
+cp scripts/web/three_types.mts "$folder/site/"
+(cd "$folder/site" && node_modules/.bin/tsc --noEmit --strict --target es2022 --module nodenext three_types.mts) ||
     fail "the types of the package do not hold"
 
 scripts/web/three.py "$folder/site" "$pictures" pictures

@@ -5,7 +5,8 @@
     scripts/web/three.py SITE OUT use        drags the lamp; loses the device, in the page and again and again; disposes; is refused
     scripts/web/three.py SITE OUT frames N   N frames with a moving lamp and a changing emission, and what memory they leave behind
 
-SITE holds the page, node_modules with three and localprt, and the baked Cornell box. Exit code 1 if something is not as it should be.
+SITE holds the page, node_modules with three and localprt, and the Cornell box baked twice, cornell.lprt and
+a small one, small.lprt. Exit code 1 if something is not as it should be.
 """
 
 import json
@@ -188,7 +189,7 @@ DISPOSE = """
 
 
 def frames(browser, address, n_frames):
-    open_page(browser, address, "done", size="96x72", frames=1, shadows=256)
+    open_page(browser, address, "done", scene="small", size="96x72", frames=1, shadows=256)
     # What is compiled and collected late is there before the first measure.
     draw(browser, 100)
     before = memory(browser)

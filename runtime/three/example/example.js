@@ -1,5 +1,5 @@
 // A lamp to drag in a baked scene. Beside this page lie node_modules with three and localprt, and SCENE.lprt with SCENE.glb.
-// ?scene=NAME, and for pictures: size=WxH, frames=K gathers, exposure=EV, tone=clamp|neutral|agx, view=final|indirect.
+// ?scene=NAME, and for pictures: size=WxH, frames=K gathers, exposure=EV, shadows=SIZE, tone=clamp|neutral|agx, view=final|indirect.
 // How it went is in window.localprt, for tests.
 import * as THREE from "three/webgpu";
 import { DragControls } from "three/addons/controls/DragControls.js";
@@ -10,6 +10,8 @@ import { Localprt } from "localprt";
 const MOST_LOSSES = 3;
 const TONES = { clamp: THREE.LinearToneMapping, neutral: THREE.NeutralToneMapping, agx: THREE.AgXToneMapping };
 const asked = Object.fromEntries(new URLSearchParams(location.search));
+// Texels per side of the bounced light's shadow maps; those of three.js have half as many.
+const shadowMapSize = Number(asked.shadows ?? 2048);
 const message = document.getElementById("message");
 let losses = 0;
 
@@ -36,7 +38,7 @@ async function start() {
 
     const file = `${asked.scene ?? "cornell"}.lprt`;
     const [relit, gltf] = await Promise.all([
-        gpu.load(file, { shadowMapSize: Number(asked.shadows ?? 2048) }),
+        gpu.load(file, { shadowMapSize }),
         new GLTFLoader().loadAsync(file.replace(/lprt$/, "glb")),
     ]);
     const scene = new THREE.Scene();
@@ -62,7 +64,7 @@ async function start() {
     scene.traverse((light) => {
         if (!light.isLight) return;
         light.castShadow = true;
-        light.shadow.mapSize.setScalar(1024);
+        light.shadow.mapSize.setScalar(shadowMapSize / 2);
         light.shadow.normalBias = 0.002 * extent;
         Object.assign(light.shadow.camera, { near: 0.005 * extent, far: 2 * extent });
         if (light.isDirectionalLight) {
