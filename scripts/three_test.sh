@@ -23,15 +23,8 @@ fail() {
     echo "three_test: $*" >&2
     exit 1
 }
-chromium=
-for name in "${CHROMIUM:-}" chromium chromium-browser google-chrome chrome; do
-    if [ -n "$name" ] && command -v "$name" >/dev/null 2>&1; then
-        chromium=$name
-        break
-    fi
-done
-[ -n "$chromium" ] || skip "there is no Chromium; name it with CHROMIUM="
-export CHROMIUM=$chromium
+. scripts/web/chromium.sh
+find_chromium
 command -v npm >/dev/null 2>&1 || skip "there is no npm"
 
 folder=$(mktemp -d)

@@ -13,14 +13,8 @@ skip() {
     echo "SKIPPED web_test: $*" >&2
     exit 0
 }
-chromium=
-for name in "${CHROMIUM:-}" chromium chromium-browser google-chrome chrome; do
-    if [ -n "$name" ] && command -v "$name" >/dev/null 2>&1; then
-        chromium=$name
-        break
-    fi
-done
-[ -n "$chromium" ] || skip "there is no Chromium; name it with CHROMIUM="
+. scripts/web/chromium.sh
+find_chromium
 
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -39,7 +33,7 @@ case $code in
 esac
 
 read -r size exposure frames <<<"${look[*]}"
-CHROMIUM=$chromium scripts/web/headless.py "$folder/site" "$folder/page.png" size="$size" exposure="$exposure" frames="$frames"
+scripts/web/headless.py "$folder/site" "$folder/page.png" size="$size" exposure="$exposure" frames="$frames"
 "$target/release/viewer" "$folder/cornell.lprt" --headless --screenshot "$folder/here.png" --size "$size" \
     --exposure "$exposure" --frames "$frames"
 found=$("$target/release/examples/flip" "$folder/page.png" "$folder/here.png")
@@ -48,6 +42,6 @@ awk -v found="${found#FLIP mean }" -v allowed=$allowed 'BEGIN { exit !(found + 0
     echo "web_test: the pictures differ by more than a mean FLIP of $allowed" >&2
     exit 1
 }
-CHROMIUM=$chromium scripts/web/headless.py --open "$folder/site" "$folder/open.png"
-CHROMIUM=$chromium scripts/web/headless.py --refuse "$folder/site"
+scripts/web/headless.py --open "$folder/site" "$folder/open.png"
+scripts/web/headless.py --refuse "$folder/site"
 echo "web_test: passed"

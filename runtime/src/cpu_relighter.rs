@@ -62,7 +62,8 @@ impl<'a> RelightInputs<'a> {
 /// Indirect light at the receivers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Relit {
-    /// `[n_receivers, n_k]` transported coefficients, not clamped: irradiance for degree 0, SH radiance for degree 1.
+    /// `[n_receivers, n_k]` transported coefficients, not clamped: irradiance for degree 0, SH coefficients whose
+    /// convolution with the cosine is irradiance for degree 1.
     pub coefficients: Vec<Vec3>,
     /// `[n_receivers]` irradiance about the shading normal, W m^-2, not negative.
     pub irradiance: Vec<Vec3>,

@@ -1,5 +1,9 @@
-//! What a host computes in its own fragment shader from SH radiance of degree 1: irradiance about a normal map's normal,
+//! What a host computes in its own fragment shader from SH coefficients of degree 1: irradiance about a normal map's normal,
 //! and an approximate mirror reflection of indirect light (sec. 5.1).
+//!
+//! A volume holds SH radiance. A receiver holds coefficients of the same form that are fitted to irradiance about the normals around its
+//! own, a + b·n (`formats/SPEC.md`, Outputs): [`irradiance`] reads both, a light is taken out of them by [`dominant_light`] and
+//! [`receiver_light`].
 //!
 //! The CPU twin of `shaders/host.wgsl`, whose text is `HOST_WGSL`. World axes; directions are unit length and point away
 //! from the surface. Radiance in W sr^-1 m^-2, irradiance in W m^-2; diffuse reflection is albedo / pi times irradiance.
@@ -18,15 +22,13 @@ const SH_1: f32 = 0.488_602_5;
 /// f32 loses their peaks.
 pub const LEAST_ROUGHNESS: f32 = 0.1;
 
-/// SH radiance of degree 1, by SH index: Y_00, then Y_1-1, Y_10, Y_11, which point along y, z and x.
-///
-/// At a receiver it arrives from the hemisphere over the surface: the other one is dark.
+/// SH coefficients of degree 1, by SH index: Y_00, then Y_1-1, Y_10, Y_11, which point along y, z and x. Of radiance, or of a receiver.
 pub type RadianceDegree1 = [Vec3; 4];
 
 /// Irradiance about a shading normal, W m^-2; not negative.
 ///
-/// Exact at the surface's own normal for constant light from the hemisphere over it, as degrees of 2 and more have no part
-/// in it; elsewhere as good as degree 1 can be.
+/// Of a receiver it is exact about the surface's own normal, and best about those within 60° of it. Of SH radiance it is exact there for
+/// constant light from the hemisphere, as degrees of 2 and more have no part in it; elsewhere as good as degree 1 can be.
 ///
 /// Source: Ramamoorthi and Hanrahan 2001.
 pub fn irradiance(radiance: &RadianceDegree1, normal: Vec3) -> Vec3 {
@@ -92,6 +94,19 @@ pub fn dominant_light(radiance: &RadianceDegree1) -> DominantLight {
     DominantLight { dir_to_light, irradiance, ambient }
 }
 
+/// What a receiver holds as one directional light in constant surroundings: b of a + b·n is the light and a is the irradiance of the
+/// surroundings, so that a surface that faces the light gets the a + |b| that [`irradiance`] gives.
+///
+/// The direction is that of b's luminance, each color projected on it.
+pub fn receiver_light(receiver: &RadianceDegree1) -> DominantLight {
+    let [c0, cy, cz, cx] = *receiver;
+    let axis = Vec3::from([cx, cy, cz].map(|color| luminance(color) as f32));
+    let dir_to_light = axis.try_normalize().unwrap_or(Vec3::ZERO);
+    let along = dir_to_light.x * cx + dir_to_light.y * cy + dir_to_light.z * cz;
+    let irradiance = (2.0 / 3.0 * PI * SH_1 * along).max(Vec3::ZERO);
+    DominantLight { dir_to_light, irradiance, ambient: (SH_0 * c0).max(Vec3::ZERO) }
+}
+
 /// Radiance that a directional light's mirror reflection sends to the eye: Cook-Torrance with GGX, height-correlated Smith
 /// and Schlick's Fresnel term.
 ///
@@ -120,9 +135,9 @@ pub fn specular(
     schlick(f0, dir_to_light.dot(half_dir)) * irradiance * (brdf * n_l)
 }
 
-/// The approximate indirect mirror reflection of sec. 5.1: that of the dominant light.
-pub fn indirect_specular(radiance: &RadianceDegree1, normal: Vec3, dir_to_eye: Vec3, f0: Vec3, roughness: f32) -> Vec3 {
-    let light = dominant_light(radiance);
+/// The approximate indirect mirror reflection of sec. 5.1: that of a receiver's light.
+pub fn indirect_specular(receiver: &RadianceDegree1, normal: Vec3, dir_to_eye: Vec3, f0: Vec3, roughness: f32) -> Vec3 {
+    let light = receiver_light(receiver);
     specular(light.dir_to_light, light.irradiance, normal, dir_to_eye, f0, roughness)
 }
 

@@ -9,8 +9,8 @@ use localprt_formats::{Checked, sh};
 pub struct LightMaps {
     /// Irradiance about the shading normal, W m^-2, not negative.
     pub irradiance: CoverageMap,
-    /// SH radiance of degree 1 in world axes, one map for each function, for other normals than that: empty where a file has receivers of
-    /// degree 0.
+    /// SH coefficients of degree 1 in world axes, one map for each, whose convolution with the cosine is the irradiance about other normals
+    /// than that: empty where a file has receivers of degree 0.
     pub radiance: Vec<CoverageMap>,
 }
 

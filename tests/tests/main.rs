@@ -9,6 +9,7 @@ mod fuzz;
 mod gpu;
 mod hybrid;
 mod light_leak;
+mod normal_maps;
 mod sky;
 mod stability;
 mod validation;

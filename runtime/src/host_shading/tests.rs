@@ -67,6 +67,25 @@ fn one_bright_direction_comes_back() {
     }
 }
 
+/// A light that all normals around face: a is 0 and b is the light.
+#[test]
+fn the_light_of_a_receiver_comes_back() {
+    let color = Vec3::new(3.0, 1.0, 0.25);
+    for index in 0..100 {
+        let dir = direction(index, 100);
+        let surroundings = Vec3::new(0.5, 2.0, 1.0);
+        let mut receiver = from_direction(dir, color / (2.0 / 3.0 * PI * SH_1 * SH_1));
+        receiver[0] = surroundings / SH_0;
+        let light = receiver_light(&receiver);
+        close(light.dir_to_light, dir, 1e-6);
+        close(light.irradiance, color, 4e-6);
+        close(light.ambient, surroundings, 1e-6);
+        // What the light and the surroundings give is what the receiver says.
+        close(irradiance(&receiver, dir), color + PI * surroundings, 2e-5);
+    }
+    assert_eq!(receiver_light(&[Vec3::ZERO; 4]), DominantLight::default());
+}
+
 #[test]
 fn light_from_all_around_leaves_no_dark_spot() {
     let color = Vec3::new(1.0, 2.0, 0.5);
@@ -209,11 +228,11 @@ fn random_inputs(count: u32) -> Vec<[f32; 20]> {
 }
 
 #[cfg(feature = "gpu")]
-fn results(input: &[f32; 20]) -> [Vec3; 6] {
+fn results(input: &[f32; 20]) -> [Vec3; 9] {
     let color = |at: usize| Vec3::from_slice(&input[at..at + 3]);
     let radiance = [color(0), color(3), color(6), color(9)];
     let (normal, eye, f0, roughness) = (color(12), color(15), Vec3::splat(input[18]), input[19]);
-    let light = dominant_light(&radiance);
+    let (light, of_receiver) = (dominant_light(&radiance), receiver_light(&radiance));
     [
         irradiance(&radiance, normal),
         light.dir_to_light,
@@ -221,6 +240,9 @@ fn results(input: &[f32; 20]) -> [Vec3; 6] {
         light.ambient,
         indirect_specular(&radiance, normal, eye, f0, roughness),
         irradiance_from_all_around(&radiance, normal),
+        of_receiver.dir_to_light,
+        of_receiver.irradiance,
+        of_receiver.ambient,
     ]
 }
 
@@ -242,20 +264,24 @@ fn the_shader_computes_the_same() {
             let radiance = LocalprtRadiance(color(at), color(at + 3u), color(at + 6u), color(at + 9u));
             let normal = color(at + 12u);
             let light = localprt_dominant_light(radiance);
-            results[6u * id.x] = vec4f(localprt_irradiance(radiance, normal), 0.0);
-            results[6u * id.x + 1u] = vec4f(light.dir_to_light, 0.0);
-            results[6u * id.x + 2u] = vec4f(light.irradiance, 0.0);
-            results[6u * id.x + 3u] = vec4f(light.ambient, 0.0);
+            results[9u * id.x] = vec4f(localprt_irradiance(radiance, normal), 0.0);
+            results[9u * id.x + 1u] = vec4f(light.dir_to_light, 0.0);
+            results[9u * id.x + 2u] = vec4f(light.irradiance, 0.0);
+            results[9u * id.x + 3u] = vec4f(light.ambient, 0.0);
             let f0 = vec3f(inputs[at + 18u]);
             let specular = localprt_indirect_specular(radiance, normal, color(at + 15u), f0, inputs[at + 19u]);
-            results[6u * id.x + 4u] = vec4f(specular, 0.0);
-            results[6u * id.x + 5u] = vec4f(localprt_irradiance_from_all_around(radiance, normal), 0.0);
+            results[9u * id.x + 4u] = vec4f(specular, 0.0);
+            results[9u * id.x + 5u] = vec4f(localprt_irradiance_from_all_around(radiance, normal), 0.0);
+            let of_receiver = localprt_receiver_light(radiance);
+            results[9u * id.x + 6u] = vec4f(of_receiver.dir_to_light, 0.0);
+            results[9u * id.x + 7u] = vec4f(of_receiver.irradiance, 0.0);
+            results[9u * id.x + 8u] = vec4f(of_receiver.ambient, 0.0);
         }";
     let Some((device, queue)) = crate::test_gpu::device("the_shader_computes_the_same") else { return };
     let inputs = random_inputs(4096);
     let kernel = Kernel::new(&device, "shade", &[crate::HOST_WGSL, SHADER].concat(), &[]);
     let buffer = storage(&device, "host_shading.inputs", bytemuck::cast_slice(inputs.as_flattened()));
-    let results_buffer = zeros(&device, "host_shading.results", inputs.len() as u64 * 96);
+    let results_buffer = zeros(&device, "host_shading.results", inputs.len() as u64 * 144);
     let bindings = kernel.bind(&device, &[buffer.as_entire_binding(), results_buffer.as_entire_binding()]);
     let mut encoder = device.create_command_encoder(&Default::default());
     {
@@ -265,11 +291,10 @@ fn the_shader_computes_the_same() {
     queue.submit([encoder.finish()]);
     let bytes = readback::buffer(&device, &queue, &results_buffer).expect("results");
     let found: Vec<Vec3> = bytes.chunks_exact(16).map(|value| bytemuck::pod_read_unaligned(&value[..12])).collect();
-    let expected: Vec<[Vec3; 6]> = inputs.iter().map(results).collect();
-    for (output, name) in
-        ["irradiance", "direction", "light", "ambient", "specular", "all around"].into_iter().enumerate()
-    {
-        let found: Vec<Vec3> = found.iter().skip(output).step_by(6).copied().collect();
+    let expected: Vec<[Vec3; 9]> = inputs.iter().map(results).collect();
+    let names = ["irradiance", "direction", "light", "ambient", "specular", "all around"];
+    for (output, name) in names.into_iter().chain(["its direction", "its light", "its ambient"]).enumerate() {
+        let found: Vec<Vec3> = found.iter().skip(output).step_by(9).copied().collect();
         let expected: Vec<Vec3> = expected.iter().map(|outputs| outputs[output]).collect();
         let error = relative_rms(&found, &expected);
         eprintln!("{name}: relative RMS {error:.1e}");

@@ -11,7 +11,8 @@ const LOCALPRT_SH_1: f32 = 0.48860251;
 // Below it GGX lobes are narrower than anything four coefficients can say, and f32 loses their peaks.
 const LOCALPRT_LEAST_ROUGHNESS: f32 = 0.1;
 
-// SH radiance of degree 1. At a receiver it arrives from the hemisphere over the surface: the other one is dark.
+// SH coefficients of degree 1: of radiance in a volume, or of a receiver, whose a + b n is fitted to irradiance about the normals around
+// its own.
 struct LocalprtRadiance {
     // Y_00.
     c0: vec3f,
@@ -26,7 +27,7 @@ fn localprt_sample_irradiance(map: texture_2d<f32>, map_sampler: sampler, uv: ve
     return localprt_divide_by_coverage(textureSampleLevel(map, map_sampler, uv, 0.0));
 }
 
-// SH radiance at TEXCOORD_1; zero where no receiver is. `map` is radiance_view(), filtered linearly, clamped.
+// A receiver's coefficients at TEXCOORD_1; zero where no receiver is. `map` is radiance_view(), filtered linearly, clamped.
 fn localprt_sample_radiance(map: texture_2d_array<f32>, map_sampler: sampler, uv: vec2f) -> LocalprtRadiance {
     return LocalprtRadiance(
         localprt_divide_by_coverage(textureSampleLevel(map, map_sampler, uv, 0, 0.0)),
@@ -82,7 +83,21 @@ struct LocalprtDominantLight {
     ambient: vec3f,
 }
 
-// The linear terms as a directional light, the rest of the constant one as surroundings. Sloan 2008.
+// What a receiver holds as a directional light, b, in surroundings of irradiance a.
+fn localprt_receiver_light(receiver: LocalprtRadiance) -> LocalprtDominantLight {
+    let axis = vec3f(
+        localprt_luminance(receiver.cx),
+        localprt_luminance(receiver.cy),
+        localprt_luminance(receiver.cz),
+    );
+    let size = length(axis);
+    let dir_to_light = select(vec3f(0.0), axis / size, size > 0.0);
+    let along = dir_to_light.x * receiver.cx + dir_to_light.y * receiver.cy + dir_to_light.z * receiver.cz;
+    let irradiance = max((2.0 / 3.0 * LOCALPRT_PI * LOCALPRT_SH_1) * along, vec3f(0.0));
+    return LocalprtDominantLight(dir_to_light, irradiance, max(LOCALPRT_SH_0 * receiver.c0, vec3f(0.0)));
+}
+
+// The linear terms of SH radiance as a directional light, the rest of the constant one as surroundings. Sloan 2008.
 fn localprt_dominant_light(radiance: LocalprtRadiance) -> LocalprtDominantLight {
     let axis = vec3f(
         localprt_luminance(radiance.cx),
@@ -124,15 +139,15 @@ fn localprt_specular(
     return localprt_schlick(f0, dot(dir_to_light, half_dir)) * irradiance * (brdf * n_l);
 }
 
-// The approximate indirect mirror reflection of sec. 5.1: that of the dominant light.
+// The approximate indirect mirror reflection of sec. 5.1: that of a receiver's light.
 fn localprt_indirect_specular(
-    radiance: LocalprtRadiance,
+    receiver: LocalprtRadiance,
     normal: vec3f,
     dir_to_eye: vec3f,
     f0: vec3f,
     roughness: f32,
 ) -> vec3f {
-    let light = localprt_dominant_light(radiance);
+    let light = localprt_receiver_light(receiver);
     return localprt_specular(light.dir_to_light, light.irradiance, normal, dir_to_eye, f0, roughness);
 }
 

@@ -46,7 +46,7 @@ impl<'a> FileLight<'a> {
         self.refused.as_ref()
     }
 
-    /// Irradiance at a point, W m^-2; `None` where it is not on a surface of the file with texels, as on something that moves.
+    /// Irradiance about a point's shading normal, W m^-2; `None` where it is not on a surface of the file with texels, as on something that moves.
     pub fn at(&self, point: &SurfacePoint) -> Option<Vec3> {
         let lift = LIFT * self.caster.offset_m();
         let normal = point.geometric_normal;
@@ -56,7 +56,8 @@ impl<'a> FileLight<'a> {
         if !has_texels {
             return None;
         }
-        self.relighter.relit().maps.irradiance.sample(self.atlas.at(&face))
+        let uv = self.atlas.at(&face);
+        self.relighter.relit().maps.irradiance_about(point.normal, |map| map.sample(uv))
     }
 
     /// The same at points that are looked at.

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 /// Sets `coefficients[receiver * n_k + k] = row of U times the lights of the receiver's cluster`, RGB.
 ///
-/// With one output per receiver the coefficient is irradiance, W m^-2, before clamping; with four it is SH radiance of
-/// degree 1 in world axes. Sums of `n_coefficients` terms in f32.
+/// With one output per receiver the coefficient is irradiance, W m^-2, before clamping; with four they are SH coefficients of
+/// degree 1 in world axes, of which the convolution with the cosine makes irradiance. Sums of `n_coefficients` terms in f32.
 ///
 /// # Panics
 /// If the arrays do not have the lengths of the file.
