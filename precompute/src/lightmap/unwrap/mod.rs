@@ -6,6 +6,7 @@
 
 mod authored;
 mod beside;
+mod blocks;
 mod error;
 mod islands;
 mod joining;

@@ -1,21 +1,21 @@
 //! The default backend, and the packer of all layouts; the only file that names uvunwrap.
 
-use super::{PADDING, Piece, Progress, UnwrapError, Unwrapped, Unwrapper};
+use super::{
+    PADDING, Piece, Progress, UnwrapError, Unwrapped, Unwrapper,
+    blocks::{Block, blocks},
+};
 use glam::Vec2;
 use rayon::prelude::*;
 use uvunwrap::{Density, Error, MeshInput, Options, Packing, Stage};
 
-/// Above this many charts they are packed by their outlines' rows and columns, which is tens of times faster than nesting
-/// shapes into each other's holes, but leaves more of the map empty. 10,000 charts nest in 15 s or so.
-const MANY_CHARTS: usize = 15_000;
 /// Faces that meet at less than this angle, degrees, may share a chart (uvunwrap's default).
 const CHART_ANGLE: f32 = 70.0;
 /// Charts are cut until no face's texels are this many times larger or smaller in area than the mean.
 const AREA_DISTORTION: f32 = 2.0;
-/// Zooms at which a page is packed at once, how far apart, and how often before it is given up.
-const STEPS: i32 = 4;
+/// Zooms at which a page is packed: a third of this step apart, so many in a row, and how many rows are looked at before it is given up.
 const STEP: f32 = 1.06;
-const MOST_ROUNDS: u32 = 4;
+const WINDOW: i32 = 18;
+const MOST_WINDOWS: u32 = 4;
 
 /// The uvunwrap crate: pure Rust, the same layout on any number of threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -62,7 +62,7 @@ pub(super) struct Packed {
 
 /// Packs charts into one map, at least two texels apart and one texel from its border: at their densities into a map that
 /// grows, or, with `page`, all of them as much finer or coarser as fills a map of that many texels per side. `tight` nests
-/// their shapes.
+/// their shapes; else they are packed by their outlines' rows and columns, which is faster and leaves more of the map empty.
 ///
 /// # Errors
 /// [`UnwrapError::TooManyCharts`] where they do not fit the page at any density.
@@ -72,6 +72,77 @@ pub(super) fn pack(
     tight: bool,
     progress: Progress,
 ) -> Result<Packed, UnwrapError> {
+    let n_charts = charts.len() as u32;
+    let by_rows = |density| {
+        let atlas = generate_flat(charts, density, Packing::Fast, progress).map_err(failure)?;
+        if atlas.page_count > 1 {
+            let texels = page.unwrap_or(atlas.width.max(atlas.height));
+            return Err(UnwrapError::TooManyCharts { charts: atlas.chart_count, texels });
+        }
+        Ok(Packed { corners: corners(&atlas), extent: [atlas.width, atlas.height] })
+    };
+    let nested = |zoom, page| match nested(charts, zoom, page, progress) {
+        Err(Error::ChartTooLarge { .. } | Error::AtlasTooLarge { .. }) if page.is_some() => Ok(None),
+        Err(error) => Err(failure(error)),
+        Ok(packed) => Ok(packed),
+    };
+    let Some(page_size) = page else {
+        return match tight {
+            true => nested(1.0, None)?.ok_or(UnwrapError::TooManyCharts { charts: n_charts, texels: super::MAX_SIZE }),
+            false => by_rows(Density::Fixed { texels_per_unit: 1.0, page_size: None }),
+        };
+    };
+    if u64::from(n_charts) * u64::from(1 + 2 * PADDING).pow(2) > u64::from(page_size).pow(2) {
+        return Err(UnwrapError::TooManyCharts { charts: n_charts, texels: page_size });
+    }
+    if tight && let Some(packed) = largest(|zoom| nested(zoom, page))? {
+        return Ok(packed);
+    }
+    // Not wanted tight, or far from what was estimated, as for a map of one long chart.
+    by_rows(Density::Auto { page_size })
+}
+
+/// Charts at `zoom` times their densities, nested into one page; `None` if they do not fit one.
+fn nested(charts: &[FlatChart], zoom: f32, page: Option<u32>, progress: Progress) -> Result<Option<Packed>, Error> {
+    let (large, blocks) = blocks(charts, zoom);
+    let rectangle = |block: &Block| {
+        // Whole texels, whatever rounding does to them.
+        let [width, height] = block.size.map(|edge| edge as f32 - 1e-3);
+        let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]].map(Vec2::from);
+        FlatChart { corners: vec![[a, b, c], [a, c, d]], density: 1.0 / zoom }
+    };
+    let given: Vec<FlatChart> =
+        large.iter().map(|&chart| charts[chart].clone()).chain(blocks.iter().map(rectangle)).collect();
+    let density = Density::Fixed { texels_per_unit: zoom, page_size: page };
+    let atlas = generate_flat(&given, density, Packing::Shape, progress)?;
+    if atlas.page_count > 1 {
+        return Ok(None);
+    }
+    let mut packed = vec![Vec::new(); charts.len()];
+    let mut found = corners(&atlas).into_iter();
+    for (chart, corners) in large.into_iter().zip(&mut found) {
+        packed[chart] = corners;
+    }
+    for (block, corners) in blocks.into_iter().zip(found) {
+        // A rectangle is turned by right angles and never left out.
+        let Some([origin, along, across]) = corners[0] else { continue };
+        let right = (along - origin).normalize().round();
+        let up = (across - along).normalize().round();
+        for (chart, triangles) in block.charts {
+            let place = |at: Vec2| origin + right * at.x + up * at.y;
+            packed[chart] = triangles.into_iter().map(|triangle| Some(triangle.map(place))).collect();
+        }
+    }
+    Ok(Some(Packed { corners: packed, extent: [atlas.width, atlas.height] }))
+}
+
+/// Packs charts as they are.
+fn generate_flat(
+    charts: &[FlatChart],
+    density: Density,
+    packing: Packing,
+    progress: Progress,
+) -> Result<uvunwrap::Atlas, Error> {
     // Vertices apart are joined by their place, in space as in the plane.
     type Flat = (Vec<[f32; 3]>, Vec<[f32; 2]>, Vec<u32>);
     let flat: Vec<Flat> = charts
@@ -91,66 +162,37 @@ pub(super) fn pack(
             ..MeshInput::new(positions, indices)
         })
         .collect();
-    let packing = if tight && charts.len() < MANY_CHARTS { Packing::Shape } else { Packing::Fast };
-    let at = |density| {
-        let options =
-            Options { padding: PADDING, max_area_distortion: f32::MAX, density, packing, ..Options::default() };
-        generate(&meshes, &options, progress)
-    };
-    let too_many = |charts, texels| UnwrapError::TooManyCharts { charts, texels };
-    let atlas = match page {
-        None => at(Density::Fixed { texels_per_unit: 1.0, page_size: None }).map_err(failure)?,
-        Some(page) if packing == Packing::Shape => {
-            let least = charts.len() as u64 * u64::from(1 + 2 * PADDING).pow(2);
-            let zoomed = |zoom| match at(Density::Fixed { texels_per_unit: zoom, page_size: Some(page) }) {
-                Ok(atlas) => Ok((atlas.page_count <= 1).then_some(atlas)),
-                Err(Error::ChartTooLarge { .. } | Error::AtlasTooLarge { .. }) => Ok(None),
-                Err(error) => Err(failure(error)),
-            };
-            if least > u64::from(page).pow(2) {
-                return Err(too_many(charts.len() as u32, page));
-            }
-            match largest(zoomed)? {
-                Some(atlas) => atlas,
-                // Far from what was estimated, as for a map of one long chart.
-                None => at(Density::Auto { page_size: page }).map_err(failure)?,
-            }
-        }
-        Some(page_size) => at(Density::Auto { page_size }).map_err(failure)?,
-    };
-    if atlas.page_count > 1 {
-        return Err(too_many(atlas.chart_count, page.unwrap_or(atlas.width.max(atlas.height))));
-    }
-    Ok(Packed { corners: corners(&atlas), extent: [atlas.width, atlas.height] })
+    let options = Options { padding: PADDING, max_area_distortion: f32::MAX, density, packing, ..Options::default() };
+    generate(&meshes, &options, progress)
 }
 
-/// About the largest of layouts by zoom: of those within [`STEP`] of each other, then of two in between. Several at once, and always
-/// the same ones: the library looks for the largest too, but for one after the other, and more closely than it is worth.
+/// About the largest of layouts by zoom: within a third of [`STEP`]. Two at once, and always the same ones, each pair leaving a third of
+/// what is in question: the library looks for the largest too, but for one after the other, and more closely than it is worth.
 fn largest<T: Send>(at: impl Fn(f32) -> Result<Option<T>, UnwrapError> + Sync) -> Result<Option<T>, UnwrapError> {
-    let best_of = |zooms: &[f32]| -> Result<Option<(f32, T)>, UnwrapError> {
-        let tried: Vec<Option<T>> = zooms.par_iter().map(|&zoom| at(zoom)).collect::<Result<_, _>>()?;
-        Ok(zooms.iter().zip(tried).filter_map(|(&zoom, layout)| Some((zoom, layout?))).next_back())
-    };
-    let (mut first, mut best) = (-STEPS / 2, None);
-    for _ in 0..MOST_ROUNDS {
-        let zooms: Vec<f32> = (first..first + STEPS).map(|step| STEP.powi(step)).collect();
-        match (best_of(&zooms)?, &best) {
-            (Some(found), _) => {
-                let is_last = found.0 == zooms[STEPS as usize - 1];
-                let was_too_large = first < -STEPS / 2;
-                best = Some(found);
-                if !is_last || was_too_large {
-                    break;
-                }
-                first += STEPS;
+    let at = |third: i32| at(STEP.powf(third as f32 / 3.0));
+    // Thirds of a step. The window moves up as long as all of it fits, and down as long as none of it does.
+    let (mut low, mut best) = (-WINDOW / 3, None);
+    for _ in 0..MOST_WINDOWS {
+        let (mut from, mut to) = (low, low + WINDOW);
+        while from < to {
+            let [a, b] = [1, 2].map(|third| from + (to - from) * third / 3);
+            let tried: Vec<Option<T>> = [a, b].par_iter().map(|&third| at(third)).collect::<Result<_, _>>()?;
+            let mut tried = tried.into_iter();
+            match (tried.next().flatten(), tried.next().flatten()) {
+                (_, Some(layout)) => (best, from) = (Some(layout), b + 1),
+                (Some(layout), None) => (best, from, to) = (Some(layout), a + 1, b),
+                (None, None) => to = a,
             }
-            (None, Some(_)) => break,
-            (None, None) => first -= STEPS,
+        }
+        if best.is_none() {
+            low -= WINDOW;
+        } else if from == low + WINDOW && low >= -WINDOW / 3 {
+            low = from;
+        } else {
+            break;
         }
     }
-    let Some((zoom, layout)) = best else { return Ok(None) };
-    let between = [1.0, 2.0].map(|third: f32| zoom * STEP.powf(third / 3.0));
-    Ok(Some(best_of(&between)?.map_or(layout, |(_, layout)| layout)))
+    Ok(best)
 }
 
 fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Result<uvunwrap::Atlas, Error> {
