@@ -1,12 +1,20 @@
 //! Texels without a receiver that a bilinear tap can touch, and whose light they show.
 
-use super::{NO_RECEIVER, ReceiverSet, TexelMap};
+use super::{Atlas, NO_RECEIVER, ReceiverSet, TexelMap};
+use glam::DVec2;
+use localprt_scenes::Scene;
+use localprt_surfaces::atlas::raster::in_texels;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Texels around every chart that are filled.
 const REACH: i64 = 2;
 /// Receivers this near are found by looking at every texel around; beyond, from texel to texel.
 const NEAR: i64 = 3;
+/// Texels around a chart's own that a bilinear tap reads.
+const TAPPED: i64 = 1;
+/// Points of a chart without area that are looked at, texels apart.
+const STEP: f64 = 0.5;
 const NO_CHART: u32 = u32::MAX;
 
 /// Texels to fill, by rising texel.
@@ -14,12 +22,19 @@ pub(super) struct Filled {
     /// `(texel, receiver)` for texels within two of a chart's texels, and for covered texels without a receiver: the nearest
     /// receiver of the same chart, the lowest of several; exact within three texels, to about a texel beyond.
     pub gutters: Vec<(u32, u32)>,
-    /// `(texel, chart)` of the same texels of charts without any receiver.
+    /// `(texel, chart)` of the same texels of charts without any receiver, and of those around charts without area, where they are not
+    /// another chart's.
     pub lone: Vec<(u32, u32)>,
 }
 
 /// What to fill, and from where.
-pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32]) -> Filled {
+pub(super) fn fill(
+    scene: &Scene,
+    atlas: &Atlas,
+    map: &TexelMap,
+    receivers: &ReceiverSet,
+    receiver_at: &[u32],
+) -> Filled {
     let grid = Grid::of(map.size);
     let mut chart_at = vec![NO_CHART; receiver_at.len()];
     for texel in &map.texels {
@@ -30,6 +45,7 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
     for &chart in &receivers.chart {
         has_receiver[chart as usize] = true;
     }
+    let flat = around_flat_charts(scene, atlas, map);
     // Texels to fill, with their chart, in texel order.
     type Open = Vec<(u32, u32)>;
     let (open, lone): (Open, Open) = (0..receiver_at.len() as u32)
@@ -37,15 +53,20 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
         .filter(|&texel| receiver_at[texel as usize] == NO_RECEIVER)
         .filter_map(|texel| {
             let own = chart_at[texel as usize];
+            let is_tapped = || grid.around(texel, TAPPED).any(|(other, _)| chart_at[other as usize] != NO_CHART);
             let chart = if own != NO_CHART {
                 own
+            } else if let Some(&chart) = flat.get(&texel)
+                && !is_tapped()
+            {
+                chart
             } else {
                 let around = grid.around(texel, REACH).filter(|&(other, _)| chart_at[other as usize] != NO_CHART);
                 chart_at[around.min_by_key(|&(other, distance)| (distance, chart_at[other as usize]))?.0 as usize]
             };
             Some((texel, chart))
         })
-        .partition(|&(_, chart)| has_receiver[chart as usize]);
+        .partition(|&(_, chart)| has_receiver.get(chart as usize).is_some_and(|&has_receiver| has_receiver));
     let mut source: Vec<u32> = open
         .par_iter()
         .map(|&(texel, chart)| {
@@ -59,6 +80,35 @@ pub(super) fn fill(map: &TexelMap, receivers: &ReceiverSet, receiver_at: &[u32])
         .collect();
     spread(&grid, &open, &mut source, receivers);
     Filled { gutters: open.iter().zip(source).map(|(&(texel, _), receiver)| (texel, receiver)).collect(), lone }
+}
+
+/// The chart without texels, the lowest of several, that bilinear taps of each texel show: coordinates that were rounded, as packed
+/// scenes have them, leave small charts no area.
+fn around_flat_charts(scene: &Scene, atlas: &Atlas, map: &TexelMap) -> BTreeMap<u32, u32> {
+    let mut has_texels = vec![false; atlas.n_charts as usize];
+    for texel in &map.texels {
+        has_texels[texel.chart as usize] = true;
+    }
+    let mut chart_at = BTreeMap::new();
+    for ((mesh, triangle), (uv, &chart)) in scene.faces().zip(atlas.corners.iter().zip(&atlas.chart)) {
+        if has_texels[chart as usize] || scene.area_m2(mesh, triangle) == 0.0 {
+            continue;
+        }
+        let corners = uv.map(|uv| in_texels(uv, map.size));
+        for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (corners[from], corners[to])) {
+            let steps = (from.distance(to) / STEP).ceil().min(f64::from(map.size) / STEP) as u32;
+            for step in 0..=steps {
+                let point = from.lerp(to, f64::from(step) / f64::from(steps.max(1))) - 0.5;
+                for tap in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+                    let at =
+                        (point.floor() + DVec2::from(tap)).clamp(DVec2::ZERO, DVec2::splat(f64::from(map.size) - 1.0));
+                    let held = chart_at.entry(at.y as u32 * map.size + at.x as u32).or_insert(chart);
+                    *held = chart.min(*held);
+                }
+            }
+        }
+    }
+    chart_at
 }
 
 /// Fills the rest from neighbors of the same chart, ring by ring, and what no neighbor reaches from all receivers.

@@ -80,7 +80,7 @@ pub fn place(scene: &Scene, atlas: &Atlas, caster: &RayCaster, size: u32, progre
         receiver_at[texel as usize] = receiver as u32;
     }
     let seams = Seams::of(caster, atlas);
-    let Filled { mut gutters, lone } = gutters::fill(&map, &set, &receiver_at);
+    let Filled { mut gutters, lone } = gutters::fill(scene, atlas, &map, &set, &receiver_at);
     seams.continue_over(&set, &receiver_at, &mut gutters);
     gutters.extend(lent::lend(caster, atlas, &map, &set, &lone));
     gutters.sort_unstable();
