@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::time::Instant;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_precompute");
 const LEVELS: &str = r#"
@@ -95,7 +96,9 @@ fn assert_runs(line: &str, place: &str, folder: &Path) {
         eprintln!("SKIPPED {line}: tested elsewhere");
         return;
     }
+    let began = Instant::now();
     let output = run(&cheaper(line), folder);
+    eprintln!("{:6.1} s  {line}", began.elapsed().as_secs_f64());
     let errors = String::from_utf8_lossy(&output.stderr);
     let no_gpu = output.status.code() == Some(5) && line.contains("--backend gpu") && errors.contains("GPU");
     if no_gpu && std::env::var_os("REQUIRE_GPU").is_none() {

@@ -183,9 +183,15 @@ impl TransportScene<'_> {
         workspace.linked().collect()
     }
 
-    /// Transport rows of the receivers `members` of a leaf, some or all of them, in that order. A pure function of its
-    /// arguments; the rows of a receiver do not depend on the other members asked for.
+    /// Transport rows of the receivers `members` of a leaf, some or all of them, in that order, with the leaf's metric. A pure function
+    /// of its arguments; the rows of a receiver do not depend on the other members asked for.
     pub fn rows(&self, leaf: &TransportLeaf, members: &[u32]) -> TransportRows {
+        let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
+        TransportRows { metric, ..self.rows_alone(leaf, members) }
+    }
+
+    /// The same without the metric, which is large beside the rows of a few.
+    pub fn rows_alone(&self, leaf: &TransportLeaf, members: &[u32]) -> TransportRows {
         let probes = leaf.probes.clone();
         let n_sh = self.probe_basis.len();
         let n_columns = probes.len() * n_sh + self.sky_basis.len();
@@ -221,9 +227,8 @@ impl TransportScene<'_> {
                 row[probes.len() * n_sh..].copy_from_slice(&sums.sky);
             }
         }
-        let metric = leaf.fit.as_ref().and_then(|fit| fit.metric(self.sky_basis.len()));
         let Traced { counts: rays, crossed } = workspace.traced;
         let crossed = crossed.map(|crossed| crossed.cells());
-        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric, links, rays, crossed }
+        TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric: None, links, rays, crossed }
     }
 }

@@ -118,7 +118,7 @@ impl Lit<'_> {
 
     /// The receiver's transport rows, uncompressed, times the probe radiance, as irradiance that is not negative.
     pub fn transported(&self, receiver: u32, transport: &TransportScene<'_>, leaf: &TransportLeaf) -> Vec3 {
-        let rows = transport.rows(leaf, &[self.subject.place(receiver)]);
+        let rows = transport.rows_alone(leaf, &[self.subject.place(receiver)]);
         let n_sh = self.basis.len();
         let mut outputs: Vec<DVec3> = rows
             .rows

@@ -142,7 +142,7 @@ fn at(
         }
     }
 
-    let rows = transport.rows(leaf, &[subject.place(receiver)]);
+    let rows = transport.rows_alone(leaf, &[subject.place(receiver)]);
     let weights = measured_by_the_cosine(&rows.rows, rows.n_columns, point.normal);
     let n_sh = probe_basis.len();
     for (slot, &id) in rows.probes.iter().enumerate() {
