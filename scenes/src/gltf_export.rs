@@ -188,6 +188,22 @@ impl Writer {
         self.accessor(json!({ "bufferView": view, "componentType": accessor::FLOAT, "count": count, "type": kind }))
     }
 
+    /// Fills a gap between sets, which are numbered without any, and is read as an absent set. It says 0 of the first vertex: common
+    /// readers refuse an accessor that says nothing, which glTF has for zeros.
+    fn zeros(&mut self, count: usize) -> usize {
+        let view = self.view(&[0; 8], None);
+        self.accessor(json!({
+            "componentType": accessor::FLOAT,
+            "count": count,
+            "type": "VEC2",
+            "sparse": {
+                "count": 1,
+                "indices": { "bufferView": view, "componentType": accessor::UNSIGNED_INT },
+                "values": { "bufferView": view },
+            },
+        }))
+    }
+
     fn accessor(&mut self, accessor: Value) -> usize {
         self.accessors.push(accessor);
         self.accessors.len() - 1
@@ -218,10 +234,7 @@ impl Writer {
         let used_sets = mesh.uv_sets.iter().rposition(|set| !set.is_empty()).map_or(0, |last| last + 1);
         for (number, set) in mesh.uv_sets[..used_sets].iter().enumerate() {
             let accessor = match set.as_slice() {
-                // Sets are numbered without gaps; an accessor without data fills one, and is read as an absent set.
-                [] => self.accessor(
-                    json!({ "componentType": accessor::FLOAT, "count": mesh.positions.len(), "type": "VEC2" }),
-                ),
+                [] => self.zeros(mesh.positions.len()),
                 set => self.floats("VEC2", set.iter().map(Vec2::to_array)),
             };
             attributes.insert(format!("TEXCOORD_{number}"), accessor.into());

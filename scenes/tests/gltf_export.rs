@@ -80,6 +80,20 @@ fn everything() -> Scene {
 }
 
 #[test]
+fn no_accessor_is_without_data() {
+    // Common readers refuse what glTF has for zeros.
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let path = folder.path().join("scene.glb");
+    export_glb(&everything(), &path).expect("written");
+    let bytes = std::fs::read(&path).expect("readable");
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let root: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    let accessors = root["accessors"].as_array().expect("accessors");
+    assert!(accessors.iter().all(|accessor| accessor.get("bufferView").or(accessor.get("sparse")).is_some()));
+    assert!(accessors.iter().any(|accessor| accessor.get("sparse").is_some()), "sets 0 and 1 of a mesh are absent");
+}
+
+#[test]
 fn everything_survives_a_round_trip() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let (first, second) = (folder.path().join("first.glb"), folder.path().join("second.glb"));

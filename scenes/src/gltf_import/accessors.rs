@@ -183,6 +183,13 @@ fn open_sparse<'a>(
     Ok(Sparse { indices, values })
 }
 
+impl Sparse<'_> {
+    /// Whether a value is another than zero.
+    fn says_something(&self) -> bool {
+        (0..self.indices.len()).any(|at| self.values.at(at)[..self.values.stride].iter().any(|byte| *byte != 0))
+    }
+}
+
 fn packed<'a>(source: &Source, place: &str, view: View<'a>) -> Result<View<'a>, LoadError> {
     match view.stride {
         None => Ok(view),
@@ -273,6 +280,11 @@ impl Accessor<'_> {
             return Err(source.invalid(&self.place, found, REPAIR));
         }
         Ok(())
+    }
+
+    /// Whether elements may be other than zero.
+    pub fn says_something(&self) -> bool {
+        self.base.is_some() || self.sparse.as_ref().is_some_and(Sparse::says_something)
     }
 
     /// Refuses an accessor that cannot hold indices.

@@ -117,8 +117,8 @@ impl Geometry<'_> {
             }
             let accessor = &self.accessors[accessor.value()];
             accessor.expect(self.source, "TEXCOORD", &[Type::Vec2], false)?;
-            // A set without data says (0, 0) everywhere, which is how an absent set is read too.
-            if accessor.has_data {
+            // (0, 0) everywhere is how an absent set is read too.
+            if accessor.says_something() {
                 let set = *set as usize;
                 result.uv_sets.resize(result.uv_sets.len().max(set + 1), Vec::new());
                 result.uv_sets[set] =
