@@ -7,6 +7,7 @@ mod file_to_pixels;
 mod furnace;
 mod fuzz;
 mod gpu;
+mod host;
 mod hybrid;
 mod light_leak;
 mod normal_maps;
