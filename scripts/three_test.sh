@@ -39,8 +39,8 @@ case $code in
     5) skip "nothing here compiles to WebAssembly" ;;
     *) exit "$code" ;;
 esac
-cargo build --release --workspace --bins
-cargo build --release -p localprt-precompute --example flip
+# One set of features for all: another would build the dependencies again.
+cargo build --release -p localprt-precompute -p localprt-viewer --bins --example flip
 target=${CARGO_TARGET_DIR:-target}
 "$target/release/precompute" bake builtin:cornell -o "$folder/site/cornell.lprt" --quiet --preset preview --probes 20 \
     --probe-degree 4 --lightmap 128 --receiver-degree 1

@@ -19,8 +19,8 @@ find_chromium
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 scripts/setup.sh
-cargo build --release --workspace --bins
-cargo build --release -p localprt-precompute --example flip
+# One set of features for all: another would build the dependencies again.
+cargo build --release -p localprt-precompute -p localprt-viewer --bins --example flip
 target=${CARGO_TARGET_DIR:-target}
 "$target/release/precompute" bake builtin:cornell -o "$folder/cornell.lprt" --quiet --preset preview --probes 20 \
     --probe-degree 4 --lightmap 128 --receiver-degree 1

@@ -307,6 +307,7 @@ impl<'a> Host<'a> {
 
     /// Sets everything up again on another device.
     fn recover(&mut self) -> Result<(), CommandError> {
+        let Some(shown) = self.shown.take() else { return Ok(()) };
         self.n_losses += 1;
         if self.n_losses > MOST_LOSSES {
             let help = if cfg!(target_arch = "wasm32") {
@@ -316,7 +317,6 @@ impl<'a> Host<'a> {
             };
             return Err(CommandError::new(Exit::Unsupported, "the graphics device was lost again and again").help(help));
         }
-        let Some(shown) = self.shown.take() else { return Ok(()) };
         let window = shown.screen.into_window();
         drop(shown.renderer);
         self.app.notice = Some("the graphics device was lost; everything is on a new one".into());
@@ -547,6 +547,10 @@ impl ApplicationHandler for Host<'_> {
             tell(&format!("the file has changed, and the one before stays: {error}"));
             self.app.notice = Some(format!("the file has changed, and the one before stays: {}", error.what));
         }
+        if cfg!(target_arch = "wasm32") && self.shown.as_ref().is_some_and(|shown| shown.gpu.is_lost()) {
+            // A browser whose graphics process has ended too often asks for no frame any more.
+            return self.redraw(event_loop);
+        }
         let Some(shown) = &self.shown else { return };
         let is_hidden = shown.screen.size().0 == 0 || shown.screen.size().1 == 0;
         if is_hidden {
@@ -569,7 +573,11 @@ impl ApplicationHandler for Host<'_> {
             event_loop.set_control_flow(ControlFlow::WaitUntil(repaint_at.map_or(next, |at| at.clamp(now, next))));
         } else {
             // In a page, the next frame comes when the browser wants one; asking without pause would stop all else there.
-            let flow = if cfg!(target_arch = "wasm32") { ControlFlow::Wait } else { ControlFlow::Poll };
+            let flow = if cfg!(target_arch = "wasm32") {
+                ControlFlow::WaitUntil(Instant::now() + STILL)
+            } else {
+                ControlFlow::Poll
+            };
             event_loop.set_control_flow(flow);
             shown.screen.window().request_redraw();
         }
