@@ -41,9 +41,9 @@ pub fn used(mut stage: Stage, file: &Path) -> Result<(), String> {
     let (bytes, mut scene) = (read(file)?, read(&file.with_extension("glb"))?);
     let whole = BakedLight::from_bytes(bytes.clone(), "whole", &scene).map_err(|error| error.to_string())?;
     ensure(whole.lightmap_size() > 0, "the scene as it was is taken")?;
-    // Only the last byte of the last vertex or index is another.
-    let last = scene.len() - 1;
-    scene[last] ^= 1;
+    // Only the last bit of the first coordinate is another, behind both heads and the JSON.
+    let json = u32::from_le_bytes(scene[12..16].try_into().map_err(|_| "no glTF")?) as usize;
+    scene[20 + json + 8] ^= 1;
     match BakedLight::from_bytes(bytes, "changed.glb", &scene) {
         Err(error @ BakedLightError::OtherScene { .. }) => println!("refused: {error}"),
         Err(error) => return Err(format!("a changed scene is refused for another reason: {error}")),
