@@ -5,26 +5,8 @@
 # Shaders are validated by spirv-val where there is one (Debian: spirv-tools). Exit code 2 for a wrong argument.
 set -euo pipefail
 
-say() { echo "godot: $*" >&2; }
-absolute() { case $1 in /*) echo "$1" ;; *) echo "$PWD/$1" ;; esac; }
-
-out=
-while [ $# -gt 0 ]; do
-    case $1 in
-        --out)
-            [ $# -ge 2 ] || { say "--out needs a value"; exit 2; }
-            out=$(absolute "$2")
-            shift
-            ;;
-        *)
-            say "unknown argument $1 (known: --out)"
-            exit 2
-            ;;
-    esac
-    shift
-done
-cd "$(dirname "$0")/.."
-build_folder=$(absolute "${CARGO_TARGET_DIR:-target}")
+# shellcheck source=scripts/out_folder.sh
+. "$(dirname "$0")/out_folder.sh"
 out=${out:-$build_folder/godot}
 
 CARGO_TARGET_DIR="$build_folder/godot-tool" cargo build --release --locked --manifest-path runtime/godot/Cargo.toml

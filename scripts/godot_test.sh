@@ -17,17 +17,8 @@ allowed=0.02
 # Mobile draws into ten bits a channel, which shows as bands.
 told=" sun "
 [ "$method" = forward_plus ] || told=all
-# What another light changes at least, or the pictures would say nothing.
-changed=0.05
 
-skip() {
-    echo "SKIPPED godot_test: $*" >&2
-    exit 0
-}
-fail() {
-    echo "godot_test: $*" >&2
-    exit 1
-}
+. scripts/pictures.sh
 godot=${GODOT:-$(command -v godot4 || command -v godot || true)}
 [ -n "$godot" ] || skip "there is no godot, and GODOT names none"
 "$godot" --version >/dev/null 2>&1 || skip "$godot does not start"
@@ -43,19 +34,15 @@ pictures=${KEEP:-$folder/pictures}
 site=$folder/project
 mkdir -p "$pictures"
 scripts/setup.sh
-# One set of features for all: another would build the dependencies again.
-cargo build --release -p localprt-precompute -p localprt-viewer --bins --example flip
-target=${CARGO_TARGET_DIR:-target}
+build_commands
 scripts/godot.sh --out "$folder/godot"
 cp -r runtime/godot/example "$site"
 cp -r "$folder/godot/addons" "$site/"
 cp -r runtime/godot/tests "$site/tests"
 cp -r formats/tests/data "$site/golden"
-"$target/release/precompute" bake builtin:cornell -o "$site/cornell.lprt" --quiet --preset preview --probes 20 --probe-degree 4 \
-    --lightmap 128
+bake_cornell -o "$site/cornell.lprt" --lightmap 128
 # Of few texels, for many frames.
-"$target/release/precompute" bake builtin:cornell -o "$folder/small.lprt" --quiet --preset preview --probes 20 --probe-degree 4 \
-    --lightmap 64 --direct-map 256
+bake_cornell -o "$folder/small.lprt" --lightmap 64 --direct-map 256
 for file in "$site/cornell.lprt" "$folder/small.lprt"; do
     "$folder/godot/localprt-godot" surfaces "$file"
 done
@@ -85,23 +72,13 @@ drawn --script res://tests/relight.gd -- "$folder/lights"
 
 drawn --resolution 480x360 --script res://tests/pictures.gd -- "$pictures"
 cp "$folder/lights/lamp.json" "$folder/lights/indirect.json"
-flip() { "$target/release/examples/flip" "$1" "$2" | sed 's/FLIP mean //'; }
-at_most() { awk -v found="$1" -v allowed="$2" 'BEGIN { exit !(found + 0 <= allowed) }'; }
 for lighting in "$folder"/lights/*.json; do
     name=$(basename "$lighting" .json)
-    view=final
+    view=final other=lamp bound=$allowed
     [ "$name" != indirect ] || view=indirect
-    "$target/release/viewer" "$site/cornell.lprt" --headless --screenshot "$pictures/$name.viewer.png" --size 480x360 \
-        --exposure 2 --frames 8 --tone-map clamp --cull-backs --view $view --lights "$lighting"
-    found=$(flip "$pictures/$name.png" "$pictures/$name.viewer.png")
-    line="$name: FLIP mean $found against the viewer"
-    [ "$told" = all ] || [ "${told/ $name /}" != "$told" ] || at_most "$found" "$allowed" || fail "$line, more than $allowed"
-    if [ "$name" != lamp ] && [ "$name" != indirect ]; then
-        other=$(flip "$pictures/$name.png" "$pictures/lamp.png")
-        line+=", $other from the lamp's picture"
-        at_most $changed "$other" || fail "$line: less than $changed, so this light changes nothing"
-    fi
-    echo "$line"
+    [ "$name" != lamp ] && [ "$name" != indirect ] || other=
+    [ "$told" != all ] && [ "${told/ $name /}" = "$told" ] || bound=told
+    hold_against_viewer "$name" $view "$site/cornell.lprt" "$lighting" "$bound" "$other"
 done
 drawn --resolution 96x72 --script res://tests/frames.gd -- "$frames"
 echo "godot_test: passed"

@@ -5,29 +5,11 @@
 # Exit codes: 2 for a wrong argument, 5 if nothing here compiles to WebAssembly (scripts/web.sh --setup).
 set -euo pipefail
 
-say() { echo "three: $*" >&2; }
+# shellcheck source=scripts/out_folder.sh
+. "$(dirname "$0")/out_folder.sh"
 has() { command -v "$1" >/dev/null 2>&1; }
-absolute() { case $1 in /*) echo "$1" ;; *) echo "$PWD/$1" ;; esac; }
-
-out=
-while [ $# -gt 0 ]; do
-    case $1 in
-        --out)
-            [ $# -ge 2 ] || { say "--out needs a value"; exit 2; }
-            out=$(absolute "$2")
-            shift
-            ;;
-        *)
-            say "unknown argument $1 (known: --out)"
-            exit 2
-            ;;
-    esac
-    shift
-done
-cd "$(dirname "$0")/.."
 # shellcheck source=scripts/web/toolchain.sh
 . scripts/web/toolchain.sh
-build_folder=$(absolute "${CARGO_TARGET_DIR:-target}")
 out=${out:-$build_folder/three}
 wasm_find
 

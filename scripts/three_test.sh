@@ -12,17 +12,8 @@ three=0.187.0
 frames=${FRAMES:-1000}
 # Mean FLIP. Edges of triangles are antialiased otherwise, and three.js draws shadow maps of its own: 0.006 to 0.015 in the Cornell box.
 allowed=0.02
-# What another light changes at least, or the pictures would say nothing.
-changed=0.05
 
-skip() {
-    echo "SKIPPED three_test: $*" >&2
-    exit 0
-}
-fail() {
-    echo "three_test: $*" >&2
-    exit 1
-}
+. scripts/pictures.sh
 . scripts/web/chromium.sh
 find_chromium
 command -v npm >/dev/null 2>&1 || skip "there is no npm"
@@ -39,14 +30,10 @@ case $code in
     5) skip "nothing here compiles to WebAssembly" ;;
     *) exit "$code" ;;
 esac
-# One set of features for all: another would build the dependencies again.
-cargo build --release -p localprt-precompute -p localprt-viewer --bins --example flip
-target=${CARGO_TARGET_DIR:-target}
-"$target/release/precompute" bake builtin:cornell -o "$folder/site/cornell.lprt" --quiet --preset preview --probes 20 \
-    --probe-degree 4 --lightmap 128 --receiver-degree 1
+build_commands
+bake_cornell -o "$folder/site/cornell.lprt" --lightmap 128 --receiver-degree 1
 # Of few texels, for many frames.
-"$target/release/precompute" bake builtin:cornell -o "$folder/site/small.lprt" --quiet --preset preview --probes 20 \
-    --probe-degree 4 --lightmap 64 --receiver-degree 1
+bake_cornell -o "$folder/site/small.lprt" --lightmap 64 --receiver-degree 1
 
 npm install --silent --no-audit --no-fund --prefix "$folder/site" "$folder"/three/localprt-*.tgz "three@$three" "@types/three@$three" typescript@7
 cp "$folder"/site/node_modules/localprt/example/* "$folder/site/"
@@ -55,23 +42,12 @@ cp scripts/web/three_types.mts "$folder/site/"
     fail "the types of the package do not hold"
 
 scripts/web/three.py "$folder/site" "$pictures" pictures
-flip() { "$target/release/examples/flip" "$1" "$2" | sed 's/FLIP mean //'; }
-at_most() { awk -v found="$1" -v allowed="$2" 'BEGIN { exit !(found + 0 <= allowed) }'; }
 for lighting in "$pictures"/*.json; do
     name=$(basename "$lighting" .json)
-    view=final
+    view=final other=lamp
     [ "$name" != indirect ] || view=indirect
-    "$target/release/viewer" "$folder/site/cornell.lprt" --headless --screenshot "$pictures/$name.viewer.png" --size 480x360 \
-        --exposure 2 --frames 8 --tone-map clamp --cull-backs --view $view --lights "$lighting"
-    found=$(flip "$pictures/$name.png" "$pictures/$name.viewer.png")
-    line="$name: FLIP mean $found against the viewer"
-    at_most "$found" "$allowed" || fail "$line, more than $allowed"
-    if [ "$name" != lamp ] && [ "$name" != indirect ]; then
-        other=$(flip "$pictures/$name.png" "$pictures/lamp.png")
-        line+=", $other from the lamp's picture"
-        at_most $changed "$other" || fail "$line: less than $changed, so this light changes nothing"
-    fi
-    echo "$line"
+    [ "$name" != lamp ] && [ "$name" != indirect ] || other=
+    hold_against_viewer "$name" $view "$folder/site/cornell.lprt" "$lighting" "$allowed" "$other"
 done
 scripts/web/three.py "$folder/site" "$pictures" use
 scripts/web/three.py "$folder/site" "$pictures" frames "$frames"

@@ -9,21 +9,15 @@ cd "$(dirname "$0")/.."
 allowed=0.02
 look=(480x360 2 8)
 
-skip() {
-    echo "SKIPPED web_test: $*" >&2
-    exit 0
-}
+. scripts/pictures.sh
 . scripts/web/chromium.sh
 find_chromium
 
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 scripts/setup.sh
-# One set of features for all: another would build the dependencies again.
-cargo build --release -p localprt-precompute -p localprt-viewer --bins --example flip
-target=${CARGO_TARGET_DIR:-target}
-"$target/release/precompute" bake builtin:cornell -o "$folder/cornell.lprt" --quiet --preset preview --probes 20 \
-    --probe-degree 4 --lightmap 128 --receiver-degree 1
+build_commands
+bake_cornell -o "$folder/cornell.lprt" --lightmap 128 --receiver-degree 1
 code=0
 scripts/web.sh "$folder/cornell.lprt" --out "$folder/site" --no-serve || code=$?
 case $code in
@@ -36,12 +30,9 @@ read -r size exposure frames <<<"${look[*]}"
 scripts/web/headless.py "$folder/site" "$folder/page.png" size="$size" exposure="$exposure" frames="$frames"
 "$target/release/viewer" "$folder/cornell.lprt" --headless --screenshot "$folder/here.png" --size "$size" \
     --exposure "$exposure" --frames "$frames"
-found=$("$target/release/examples/flip" "$folder/page.png" "$folder/here.png")
-echo "page and viewer: $found"
-awk -v found="${found#FLIP mean }" -v allowed=$allowed 'BEGIN { exit !(found + 0 <= allowed) }' || {
-    echo "web_test: the pictures differ by more than a mean FLIP of $allowed" >&2
-    exit 1
-}
+found=$(flip "$folder/page.png" "$folder/here.png")
+echo "page and viewer: FLIP mean $found"
+at_most "$found" $allowed || fail "the pictures differ by more than a mean FLIP of $allowed"
 scripts/web/headless.py --open "$folder/site" "$folder/open.png"
 scripts/web/headless.py --refuse "$folder/site"
 echo "web_test: passed"
