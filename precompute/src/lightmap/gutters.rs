@@ -182,3 +182,41 @@ impl Grid {
         dx * dx + dy * dy
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{
+        receivers,
+        test_scenes::{plane, scene, with_uv},
+        unwrap::{LayoutSize, usable_layout},
+    };
+    use super::*;
+    use crate::rays::RayCaster;
+    use glam::{Vec2, Vec3};
+
+    fn placed(scene: &Scene, size: u32) -> ReceiverSet {
+        let caster = RayCaster::new(scene).unwrap();
+        receivers::place(scene, &Atlas::of(scene), &caster, size, &|_, _, _| true).unwrap()
+    }
+
+    #[test]
+    fn what_rounded_coordinates_leave_no_area_shows_light_from_around_it() {
+        let floor = with_uv(plane("floor", Vec3::ZERO, Vec3::X, Vec3::Z, 1, 1), |at| 0.1 + 0.4 * Vec2::new(at.x, at.z));
+        // To a point in the open, to a line, and to a point beside the floor's chart, whose texels stay its own.
+        let places: [fn(Vec3) -> Vec2; 3] =
+            [|_| Vec2::new(0.8, 0.8), |at| Vec2::new(0.7 + 0.5 * (at.x - 0.4), 0.2), |_| Vec2::new(0.505, 0.3)];
+        // A texel under each, of 32 x 32: at 25.1, 25.1; on the line from 21.9 to 23.5, 5.9; at 15.66, 9.1.
+        let around = [(25, 25), (22, 5), (16, 9)].map(|(x, y): (u32, u32)| y * 32 + x);
+        for (place, (flat, texel)) in places.into_iter().zip(around).enumerate() {
+            let tile = plane("tile", Vec3::new(0.4, 0.02, 0.4), Vec3::X * 0.1, Vec3::Z * 0.1, 1, 1);
+            let scene = scene(vec![floor.clone(), with_uv(tile, flat)]);
+            let size = LayoutSize { texels: u32::MAX, lightmap: Some(32), finest_m: None };
+            assert_eq!(usable_layout(&scene, size).unwrap(), Ok(32), "such a layout is taken");
+            let set = placed(&scene, 32);
+            let held = set.gutters.iter().find(|&&(other, _)| other == texel).map(|&(_, receiver)| receiver);
+            let held = held.unwrap_or_else(|| panic!("{place}: nothing at texel {texel}"));
+            let is_beside = set.position[held as usize].distance(Vec3::new(0.45, 0.0, 0.45)) < 0.2;
+            assert_eq!(is_beside, place < 2, "{place}: {}", set.position[held as usize]);
+        }
+    }
+}

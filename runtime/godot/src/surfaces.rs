@@ -12,11 +12,11 @@
 //! | 52 | u32 | 0 |
 //! | 56 | 11 × 2 × u64 | bytes of each array, and its bytes in the file; then the arrays, one after the other, each a zlib stream |
 
-use bytemuck::{Pod, Zeroable};
 use localprt_formats::{Baked, quantize::pack_uv};
+use localprt_runtime::passes::shadow_map::records::{mask_records, masked_vertices, opaque_indices};
 use localprt_runtime::scene_light::scene_texels;
-use localprt_runtime::{CasterMasks, SceneTexels, ShadowCasters};
-use localprt_scenes::{Scene, Wrap};
+use localprt_runtime::{SceneTexels, ShadowCasters};
+use localprt_scenes::Scene;
 use localprt_surfaces::rays::RayCaster;
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use std::error::Error;
@@ -27,33 +27,8 @@ const MAGIC: [u8; 8] = *b"\x89LPS\r\n\x1a\n";
 const VERSION: u32 = 1;
 /// Where a baked file's content hash is.
 const HASH: std::ops::Range<usize> = 24..56;
-/// Entry of [`CasterMasks::mask`] for a triangle without holes.
-const NO_MASK: u32 = u32::MAX;
 /// From 0 to 10.
 const COMPRESSION: u8 = 6;
-
-/// `Mask` of shadow_map.wgsl.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct MaskRecord {
-    first_texel: u32,
-    width: u32,
-    height: u32,
-    wrap_u: u32,
-    wrap_v: u32,
-    nearest: u32,
-    cutoff: f32,
-}
-
-/// A vertex of a masked triangle.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct MaskedVertex {
-    position: [f32; 3],
-    uv: [f32; 2],
-    alpha: f32,
-    mask: u32,
-}
 
 /// Writes the surfaces of a baked file's scene.
 pub fn write(file: &Path, scene: Option<&Path>, out: &Path) -> Result<(), Box<dyn Error>> {
@@ -101,8 +76,10 @@ fn arrays(scene: &Scene, texels: &SceneTexels, casters: &ShadowCasters) -> [Vec<
     let is_dark = texels.emission.iter().all(|emission| emission.to_array() == [0.0; 3]);
     let emission: &[_] = if is_dark { &[] } else { &texels.emission };
     let geometry: Vec<u32> = (0..texels.len()).flat_map(|texel| geometry_record(texels, texel)).collect();
-    let (indices, masked) = triangles(casters);
-    let (masks, mask_texels) = casters.masks.as_ref().map(mask_records).unwrap_or_default();
+    // All images in one page.
+    let images = 0..casters.masks.as_ref().map_or(0, |masks| masks.images.len());
+    let (indices, masked) = (opaque_indices(casters), masked_vertices(casters, &images));
+    let (masks, mask_texels) = casters.masks.as_ref().map(|masks| mask_records(masks, &images)).unwrap_or_default();
     let bounds = casters.bounds();
     [
         padded(names),
@@ -118,9 +95,9 @@ fn arrays(scene: &Scene, texels: &SceneTexels, casters: &ShadowCasters) -> [Vec<
             .iter()
             .flat_map(|corner| corner.to_array())
             .flat_map(f32::to_le_bytes)
-            .chain(masks)
+            .chain(bytemuck::cast_slice(&masks).to_vec())
             .collect(),
-        padded(mask_texels),
+        mask_texels,
     ]
 }
 
@@ -143,58 +120,6 @@ fn geometry_record(texels: &SceneTexels, texel: usize) -> [u32; 10] {
     }
     words[9] = texels.sample_end.get(texel).copied().unwrap_or(0);
     words
-}
-
-/// Opaque triangles as indices, masked ones as vertices.
-fn triangles(casters: &ShadowCasters) -> (Vec<u32>, Vec<MaskedVertex>) {
-    let (mut indices, mut masked) = (Vec::new(), Vec::new());
-    for (triangle, corners) in casters.triangles.iter().enumerate() {
-        match &casters.masks {
-            Some(masks) if masks.mask[triangle] != NO_MASK => {
-                masked.extend(corners.map(|vertex| vertex as usize).map(|vertex| MaskedVertex {
-                    position: casters.positions[vertex].to_array(),
-                    uv: masks.uv[vertex].to_array(),
-                    alpha: masks.alpha[vertex],
-                    mask: masks.mask[triangle],
-                }));
-            }
-            _ => indices.extend(corners),
-        }
-    }
-    (indices, masked)
-}
-
-/// Records of the masks, and the alpha of their images.
-fn mask_records(masks: &CasterMasks) -> (Vec<u8>, Vec<u8>) {
-    let mut texels = Vec::new();
-    let first_texel: Vec<u32> = masks
-        .images
-        .iter()
-        .map(|image| {
-            let first = texels.len() as u32;
-            texels.extend(&image.alpha);
-            first
-        })
-        .collect();
-    let wrap = |wrap| match wrap {
-        Wrap::Repeat => 0,
-        Wrap::MirroredRepeat => 1,
-        Wrap::ClampToEdge => 2,
-    };
-    let record = |mask: &localprt_runtime::AlphaMask| {
-        let image = &masks.images[mask.image as usize];
-        MaskRecord {
-            first_texel: first_texel[mask.image as usize],
-            width: image.width,
-            height: image.height,
-            wrap_u: wrap(mask.wrap_u),
-            wrap_v: wrap(mask.wrap_v),
-            nearest: mask.nearest.into(),
-            cutoff: mask.cutoff,
-        }
-    };
-    let records: Vec<MaskRecord> = masks.masks.iter().map(record).collect();
-    (bytemuck::cast_slice(&records).to_vec(), texels)
 }
 
 fn padded(mut bytes: Vec<u8>) -> Vec<u8> {

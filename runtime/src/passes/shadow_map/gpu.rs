@@ -1,9 +1,9 @@
 //! Shadow maps on the GPU: draws the casters into the layers of a depth texture.
 
-use super::{CasterBounds, CasterMasks, NO_MASK, ShadowCasters, ShadowView};
+use super::records::{MaskedVertex, mask_records, masked_vertices, opaque_indices};
+use super::{CasterBounds, CasterMasks, ShadowCasters, ShadowView};
 use crate::error::RelightError;
 use bytemuck::{Pod, Zeroable};
-use localprt_scenes::Wrap;
 use std::ops::Range;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BufferDescriptor, BufferUsages, ShaderStages};
@@ -47,29 +47,6 @@ impl From<&ShadowView> for ViewRecord {
             padding: [0.0; 2],
         }
     }
-}
-
-/// `Mask` of the shader.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct MaskRecord {
-    first_texel: u32,
-    width: u32,
-    height: u32,
-    wrap_u: u32,
-    wrap_v: u32,
-    nearest: u32,
-    cutoff: f32,
-}
-
-/// A vertex of a masked triangle.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct MaskedVertex {
-    position: [f32; 3],
-    uv: [f32; 2],
-    alpha: f32,
-    mask: u32,
 }
 
 /// Draws shadow maps into the layers of one texture.
@@ -398,9 +375,7 @@ impl CasterBuffers {
         masks_layout: &wgpu::BindGroupLayout,
         casters: &ShadowCasters,
     ) -> Result<Self, RelightError> {
-        let mask_of = |triangle: usize| casters.masks.as_ref().map_or(NO_MASK, |masks| masks.mask[triangle]);
-        let opaque = (0..casters.triangles.len()).filter(|&triangle| mask_of(triangle) == NO_MASK);
-        let indices: Vec<u32> = opaque.flat_map(|triangle| casters.triangles[triangle]).collect();
+        let indices = opaque_indices(casters);
         let label = "localprt.shadow_map.positions";
         let positions = filled_buffer(device, label, bytemuck::cast_slice(&casters.positions), BufferUsages::VERTEX)?;
         let label = "localprt.shadow_map.indices";
@@ -411,18 +386,7 @@ impl CasterBuffers {
         if let Some(masks) = &casters.masks {
             for page in mask_pages(device, masks)? {
                 let first = vertices.len() as u32;
-                for (triangle, corners) in casters.triangles.iter().enumerate() {
-                    let mask = masks.mask[triangle];
-                    if mask == NO_MASK || !page.images.contains(&(masks.masks[mask as usize].image as usize)) {
-                        continue;
-                    }
-                    vertices.extend(corners.map(|vertex| vertex as usize).map(|vertex| MaskedVertex {
-                        position: casters.positions[vertex].to_array(),
-                        uv: masks.uv[vertex].to_array(),
-                        alpha: masks.alpha[vertex],
-                        mask,
-                    }));
-                }
+                vertices.extend(masked_vertices(casters, &page.images));
                 if vertices.len() as u32 > first {
                     masked_draws.push((first..vertices.len() as u32, page.bind_group(device, masks_layout, masks)?));
                 }
@@ -469,35 +433,7 @@ impl MaskPage {
         layout: &wgpu::BindGroupLayout,
         masks: &CasterMasks,
     ) -> Result<wgpu::BindGroup, RelightError> {
-        let mut texels = Vec::new();
-        let mut first_texel = vec![0; masks.images.len()];
-        for image in self.images.clone() {
-            first_texel[image] = texels.len() as u32;
-            texels.extend(&masks.images[image].alpha);
-        }
-        texels.resize(texels.len().next_multiple_of(4), 0);
-        // Masks of other pages keep their place, so that a vertex holds the same mask everywhere.
-        let records: Vec<MaskRecord> = masks
-            .masks
-            .iter()
-            .map(|mask| {
-                let image = &masks.images[mask.image as usize];
-                let wrap = |wrap| match wrap {
-                    Wrap::Repeat => 0,
-                    Wrap::MirroredRepeat => 1,
-                    Wrap::ClampToEdge => 2,
-                };
-                MaskRecord {
-                    first_texel: first_texel[mask.image as usize],
-                    width: image.width,
-                    height: image.height,
-                    wrap_u: wrap(mask.wrap_u),
-                    wrap_v: wrap(mask.wrap_v),
-                    nearest: u32::from(mask.nearest),
-                    cutoff: mask.cutoff,
-                }
-            })
-            .collect();
+        let (records, texels) = mask_records(masks, &self.images);
         let label = "localprt.shadow_map.masks";
         let records = filled_buffer(device, label, bytemuck::cast_slice(&records), BufferUsages::STORAGE)?;
         let texels = filled_buffer(device, "localprt.shadow_map.mask_texels", &texels, BufferUsages::STORAGE)?;
@@ -514,6 +450,7 @@ impl MaskPage {
 
 #[cfg(test)]
 mod tests {
+    use super::super::records::MaskRecord;
     use super::*;
     use crate::shaders::layout_test::assert_same_layout;
     use std::mem::offset_of;

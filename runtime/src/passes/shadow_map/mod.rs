@@ -15,6 +15,8 @@
 mod casters;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+#[cfg(feature = "gpu")]
+pub mod records;
 mod reference;
 mod views;
 
