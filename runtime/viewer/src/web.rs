@@ -49,14 +49,7 @@ pub fn run(
         lighting = daylight();
     }
     let app = App::new(bake, ViewState::new(bake, 0, &lighting), 0, lighting);
-    let options = WindowOptions {
-        size: (canvas.width(), canvas.height()),
-        screenshot: None,
-        screenshot_frames: 0,
-        lose_device: None,
-        started,
-        page: Page { canvas, closed },
-    };
+    let options = WindowOptions { screenshot: None, lose_device: None, started, page: Page { canvas, closed } };
     Ok(window::spawn(app, options)?)
 }
 

@@ -45,11 +45,13 @@ const MOST_LOSSES: u32 = 3;
 /// How a window begins, and may end.
 #[cfg_attr(not(target_arch = "wasm32"), derive(Clone))]
 pub struct WindowOptions {
-    /// Physical pixels.
+    /// Physical pixels; a page says itself how large its canvas is.
+    #[cfg(not(target_arch = "wasm32"))]
     pub size: (u32, u32),
     /// Where the picture goes after so many frames; the window closes then.
     pub screenshot: Option<PathBuf>,
     /// Frames before the screenshot.
+    #[cfg(not(target_arch = "wasm32"))]
     pub screenshot_frames: u64,
     /// Frames after which the device is lost, to try how that ends.
     pub lose_device: Option<u64>,
@@ -239,7 +241,6 @@ impl<'a> Host<'a> {
     fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<(), CommandError> {
         let name = self.app.bake.files.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let attributes = Window::default_attributes().with_title(format!("{name} - localprt viewer"));
-        // A page says itself how large its canvas is.
         #[cfg(not(target_arch = "wasm32"))]
         let attributes =
             attributes.with_inner_size(winit::dpi::PhysicalSize::new(self.options.size.0, self.options.size.1));

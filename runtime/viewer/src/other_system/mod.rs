@@ -16,6 +16,7 @@ mod present;
 pub(crate) use present::Beneath;
 pub use present::{Engine, names};
 
+#[cfg(not(target_arch = "wasm32"))]
 use crate::open_bake::OpenBake;
 use crate::other_light::OtherLight;
 use crate::stage::Stage;
