@@ -330,9 +330,24 @@ impl Scene {
     pub fn is_present(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> bool {
         match self.materials[self.meshes[mesh].material].alpha {
             AlphaMode::Opaque => true,
-            AlphaMode::Mask { cutoff } => self.base_color(mesh, triangle, barycentrics).w >= cutoff,
-            AlphaMode::Blend => self.base_color(mesh, triangle, barycentrics).w >= 0.5,
+            AlphaMode::Mask { cutoff } => self.alpha(mesh, triangle, barycentrics) >= cutoff,
+            AlphaMode::Blend => self.alpha(mesh, triangle, barycentrics) >= 0.5,
         }
+    }
+
+    /// Alpha of [`Scene::base_color`], to the last bit: rays ask for it often.
+    fn alpha(&self, mesh: usize, triangle: usize, barycentrics: Vec3) -> f32 {
+        let mesh = &self.meshes[mesh];
+        let material = &self.materials[mesh.material];
+        let mut alpha = material.base_color.w;
+        if let Some(reference) = &material.base_color_texture {
+            let uv = reference.coordinate(mesh, triangle, barycentrics);
+            alpha *= self.textures[reference.texture].sample_alpha(&self.images, uv);
+        }
+        if !mesh.colors.is_empty() {
+            alpha *= interpolate(&mesh.triangles[triangle], barycentrics, |vertex| mesh.colors[vertex].w);
+        }
+        alpha
     }
 
     /// Unit shading normal at a point of a triangle, on the front side; falls back to the geometric normal.
@@ -396,33 +411,48 @@ impl Texture {
         self.sample(images, uv, |byte| f32::from(byte) / 255.0)
     }
 
+    /// Alpha alone of either.
+    pub fn sample_alpha(&self, images: &[Image], uv: Vec2) -> f32 {
+        self.filtered(images, uv, |rgba| f32::from(rgba[3]) / 255.0).unwrap_or(1.0)
+    }
+
     /// `decoded` turns a stored byte of a color into what is filtered.
     fn sample(&self, images: &[Image], uv: Vec2, decoded: impl Fn(u8) -> f32) -> Vec4 {
+        let texel = |[r, g, b, a]: [u8; 4]| Vec4::new(decoded(r), decoded(g), decoded(b), f32::from(a) / 255.0);
+        self.filtered(images, uv, texel).unwrap_or(Vec4::ONE)
+    }
+
+    /// What `texel` makes of the texels around a coordinate, filtered; `None` without a texel there.
+    fn filtered<T>(&self, images: &[Image], uv: Vec2, texel: impl Fn([u8; 4]) -> T) -> Option<T>
+    where
+        T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+    {
         let image = &images[self.image];
         if image.width == 0 || image.height == 0 || !uv.is_finite() {
-            return Vec4::ONE;
+            return None;
         }
         let size = Vec2::new(image.width as f32, image.height as f32);
         let texel = |x: i64, y: i64| {
             let x = self.wrap_u.apply(x, i64::from(image.width));
             let y = self.wrap_v.apply(y, i64::from(image.height));
             let at = ((y * i64::from(image.width) + x) * 4) as usize;
-            let [r, g, b, a] = image.rgba[at..at + 4] else { unreachable!("slice of four") };
-            Vec4::new(decoded(r), decoded(g), decoded(b), f32::from(a) / 255.0)
+            let rgba = image.rgba[at..at + 4].try_into().unwrap_or_default();
+            texel(rgba)
         };
         // Reduce first, so that far-out coordinates keep their fraction.
         let uv = Vec2::new(self.wrap_u.reduce(uv.x), self.wrap_v.reduce(uv.y));
         if self.nearest {
             let at = (uv * size).floor();
-            return texel(at.x as i64, at.y as i64);
+            return Some(texel(at.x as i64, at.y as i64));
         }
         let at = uv * size - 0.5;
         let base = at.floor();
         let fraction = at - base;
         let (x, y) = (base.x as i64, base.y as i64);
-        let top = texel(x, y).lerp(texel(x + 1, y), fraction.x);
-        let bottom = texel(x, y + 1).lerp(texel(x + 1, y + 1), fraction.x);
-        top.lerp(bottom, fraction.y)
+        let lerp = |from: T, to: T, share: f32| from * (1.0 - share) + to * share;
+        let top = lerp(texel(x, y), texel(x + 1, y), fraction.x);
+        let bottom = lerp(texel(x, y + 1), texel(x + 1, y + 1), fraction.x);
+        Some(lerp(top, bottom, fraction.y))
     }
 }
 
@@ -436,6 +466,10 @@ impl Wrap {
     }
 
     fn apply(self, texel: i64, size: i64) -> i64 {
+        // Nearly all of them; a division takes longer than the rest.
+        if (0..size).contains(&texel) {
+            return texel;
+        }
         match self {
             Self::Repeat => texel.rem_euclid(size),
             Self::MirroredRepeat => {
@@ -464,4 +498,31 @@ pub fn srgb_to_linear(byte: u8) -> f32 {
         })
     });
     TABLE[usize::from(byte)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alpha_alone_is_that_of_the_color() {
+        let rgba: Vec<u8> = (0..3 * 5 * 4).map(|byte| (byte * 37 % 256) as u8).collect();
+        let images = [Image { name: String::new(), width: 3, height: 5, rgba, encoded: None }];
+        for wrap in [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge] {
+            for nearest in [false, true] {
+                let texture = Texture { image: 0, wrap_u: wrap, wrap_v: wrap, nearest };
+                for step in -40..40 {
+                    let uv = Vec2::new(step as f32 * 0.13, 1.7 - step as f32 * 0.07);
+                    let alpha = texture.sample_alpha(&images, uv);
+                    assert_eq!(alpha, texture.sample_srgb(&images, uv).w, "{wrap:?} {uv}");
+                    assert_eq!(alpha, texture.sample_linear(&images, uv).w);
+                    // A map that repeats is the same one turn on, and one that is mirrored two.
+                    if wrap != Wrap::ClampToEdge {
+                        let next = texture.sample_alpha(&images, uv + if wrap == Wrap::Repeat { 1.0 } else { 2.0 });
+                        assert!((alpha - next).abs() < 1e-4 || nearest, "{wrap:?} {uv}: {alpha} {next}");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -35,8 +35,8 @@ pub struct GatherSet {
     directions: Vec<Vec3>,
     /// `[n]` whether a fitted row looks the ray up in all probes.
     looked_up: Vec<bool>,
-    /// `[SKY_TIMES * n]` directions that look for the sky.
-    to_sky: Vec<Vec3>,
+    /// `[SKY_TIMES * n]` directions that look for the sky, and their numbers in the lattice.
+    to_sky: Vec<(u32, Vec3)>,
     domain: Domain,
     receiver_degree: u32,
 }
@@ -84,19 +84,22 @@ impl GatherSet {
             })
             .collect();
         // Neighbors follow each other, so that the rays of a receiver share the ray tree's nodes and their occluders.
-        rays.sort_by_cached_key(|(direction, _)| {
-            // Of a sphere, the upper half first.
-            (direction.z < 0.0, place(*direction), direction.z.to_bits(), direction.x.to_bits())
-        });
+        rays.sort_by_cached_key(|(direction, _)| along_curve(*direction));
         let (directions, looked_up) = rays.into_iter().unzip();
         let n_to_sky = n.saturating_mul(SKY_TIMES);
-        let to_sky = (0..n_to_sky).map(|i| Vec3::from(map(directions::fibonacci_square(i, n_to_sky, shift)))).collect();
+        let mut to_sky: Vec<(u32, Vec3)> =
+            (0..n_to_sky).map(|i| (i, Vec3::from(map(directions::fibonacci_square(i, n_to_sky, shift))))).collect();
+        to_sky.sort_by_cached_key(|(_, direction)| along_curve(*direction));
         Self { directions, looked_up, to_sky, domain, receiver_degree }
     }
 
     /// Takes in all rays.
     pub fn digest(&self, digester: &mut Digester) {
-        digester.all(&self.directions).all(&self.to_sky).one(self.domain as u8).one(self.receiver_degree);
+        digester
+            .all(&self.directions)
+            .all(&self.to_sky.iter().map(|ray| ray.1).collect::<Vec<_>>())
+            .one(self.domain as u8)
+            .one(self.receiver_degree);
     }
 
     /// Whether they go in all directions.
@@ -124,7 +127,7 @@ impl GatherSet {
 
     /// The same of the rays that look for the sky, of which there are [`SKY_TIMES`] as many.
     pub(super) fn rays_to_sky(&self, sites: Sites<'_>, offset_m: f32) -> impl Iterator<Item = GatherRay> {
-        self.starting_at(sites, offset_m, self.to_sky.iter().enumerate().map(|(number, &local)| (number, local, false)))
+        self.starting_at(sites, offset_m, self.to_sky.iter().map(|&(number, local)| (number as usize, local, false)))
     }
 
     /// Rays of local directions, each with the number of its turn, and whether it is looked up in all probes.
@@ -212,6 +215,11 @@ impl GatherSet {
     pub fn receiver_degree(&self) -> u32 {
         self.receiver_degree
     }
+}
+
+/// What puts directions after each other that are neighbors: of a sphere, the upper half first.
+fn along_curve(direction: Vec3) -> (bool, u32, u32, u32) {
+    (direction.z < 0.0, place(direction), direction.z.to_bits(), direction.x.to_bits())
 }
 
 /// Place of a direction about +Z on a Morton curve over the disc below it.

@@ -149,8 +149,9 @@ pub(super) fn receiver_rows(
         workspace.rays.push(Ray { dir, cosine, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
     }
     if let Some(openings) = &openings {
+        let mut hint = OccluderHint::default();
         for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
-            if openings.may_show(dir) && workspace.traced.escapes(caster, origin, dir) {
+            if openings.may_show(dir) && workspace.traced.escapes(caster, origin, dir, &mut hint) {
                 gather.weights(dir, &functions, &mut workspace.weights);
                 workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
             }

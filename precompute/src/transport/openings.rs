@@ -6,6 +6,7 @@
 //! before the sky, gather rays are enough.
 
 use super::{TransportScene, traced::Traced};
+use crate::rays::OccluderHint;
 use glam::Vec3;
 
 /// Cells per side of an octahedron unfolded to a square.
@@ -32,6 +33,7 @@ impl Openings {
         let one_in = (looking / LOOKS).max(1);
         for index in 0..looking {
             let member = members[index * members.len() / looking] as usize;
+            let mut hint = OccluderHint::default();
             for ray in scene
                 .gather
                 .rays_to_sky(scene.receivers.sites(member), scene.caster.offset_m())
@@ -40,7 +42,7 @@ impl Openings {
             {
                 let cell = cell(ray.dir);
                 is_seen[cell] = true;
-                has_sky[cell] |= traced.escapes(scene.caster, ray.origin, ray.dir);
+                has_sky[cell] |= traced.escapes(scene.caster, ray.origin, ray.dir, &mut hint);
             }
         }
         let count = |of: &[bool]| of.iter().filter(|&&is| is).count() as f32;

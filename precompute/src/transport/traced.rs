@@ -28,10 +28,10 @@ impl Traced {
         hit
     }
 
-    /// [`RayCaster::escapes`].
-    pub fn escapes(&mut self, caster: &RayCaster<'_>, origin: Vec3, dir: Vec3) -> bool {
+    /// [`RayCaster::escapes_hinted`].
+    pub fn escapes(&mut self, caster: &RayCaster<'_>, origin: Vec3, dir: Vec3, hint: &mut OccluderHint) -> bool {
         self.gather(origin, dir, f32::INFINITY);
-        caster.escapes(origin, dir)
+        caster.escapes_hinted(origin, dir, hint)
     }
 
     /// [`RayCaster::visible_hinted`].

@@ -1,39 +1,17 @@
 //! Watertight closest-hit and visibility queries; the only file that names obvhs.
 //!
-//! obvhs supplies the tree and its traversal. Its own triangle tests leak at shared edges, so triangles are tested here
-//! after Woop, Benthin and Wald 2013 (edge functions in f32, again in f64 where one vanishes), over boxes padded by
-//! [`BOX_PADDING`] times the largest coordinate, because a watertight triangle test is lost in a box that the ray
-//! misses by rounding.
+//! obvhs supplies a two-wide tree; `wide.rs` traverses it eight nodes at a time, `triangles.rs` has the watertight triangle test. Boxes are
+//! padded by [`BOX_PADDING`] times the largest coordinate, because such a test is lost in a box that the ray misses by rounding.
 
+use super::triangles::{LANES, Shear, Triangle, TriangleBlock};
+use super::wide::{MAX_STACK, WIDTH, WideTree};
 use glam::{Vec3, Vec3A};
 use obvhs::{
-    Boundable, BvhBuildParams,
-    aabb::Aabb,
-    bvh2::Bvh2,
-    bvh2::reinsertion::ReinsertionOptimizer,
-    cwbvh::{CwBvh, bvh2_to_cwbvh::bvh2_to_cwbvh},
-    ploc::PlocBuilder,
-    ray::{Ray, RayHit},
+    Boundable, BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::reinsertion::ReinsertionOptimizer, ploc::PlocBuilder,
 };
 
 /// Boxes grow by this times (largest absolute coordinate + 1) on every side: a few f32 roundings.
 const BOX_PADDING: f32 = 1e-6;
-/// The tree holds boxes scaled so that the largest coordinate is about two to this power: its traversal ignores boxes
-/// that a ray leaves within 1e-4 units, which would lose surfaces nearer than a tenth of a millimetre in metres. Here
-/// it is 1e-10 of the largest coordinate, below the rounding of f32.
-const SCALED_COORDINATE: f32 = 1_048_576.0;
-/// The traversal of the eight-wide tree has a stack of this many groups.
-const MAX_STACK: usize = 32;
-
-/// A triangle as the tree stores it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct StoredTriangle {
-    corners: [Vec3; 3],
-    /// Index given at the build.
-    pub index: u32,
-    /// Whether hits must be confirmed by the caller (alpha masks).
-    pub masked: bool,
-}
 
 /// A hit on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,13 +47,7 @@ impl TreeError {
 }
 
 /// A bounding volume hierarchy over triangles.
-pub(super) struct Tree {
-    bvh: CwBvh,
-    /// Tree units per metre, a power of two, so that scaling does not round.
-    scale: f32,
-    /// In tree order, so that a leaf's triangles lie together.
-    triangles: Vec<StoredTriangle>,
-}
+pub(super) struct Tree(WideTree);
 
 struct PaddedBox(Aabb);
 
@@ -91,29 +63,29 @@ impl Tree {
         let largest =
             triangles.iter().flatten().fold(0.0f32, |largest, corner| largest.max(corner.abs().max_element()));
         let padding = Vec3A::splat(BOX_PADDING * (largest + 1.0).min(f32::MAX / 4.0));
-        let scale =
-            if largest > 0.0 { (SCALED_COORDINATE / largest).log2().round().clamp(-100.0, 100.0).exp2() } else { 1.0 };
         let boxes: Vec<PaddedBox> = triangles
             .iter()
             .map(|[a, b, c]| {
                 let (low, high) = (Vec3A::from(a.min(*b).min(*c)) - padding, Vec3A::from(a.max(*b).max(*c)) + padding);
-                PaddedBox(Aabb::new(low * scale, high * scale))
+                PaddedBox(Aabb::new(low, high))
             })
             .collect();
         if boxes.is_empty() {
-            return Ok(Self { bvh: CwBvh::default(), scale, triangles: Vec::new() });
+            return Ok(Self(WideTree::empty()));
         }
-        let bvh = eight_wide_tree(&boxes, BvhBuildParams::medium_build());
-        let depth = stack_need(&bvh);
+        let params = BvhBuildParams::medium_build();
+        let mut two = two_wide_tree(&boxes, params);
+        ReinsertionOptimizer::default().run(&mut two, params.reinsertion_batch_ratio, None);
+        let stored = |index: u32| {
+            let (corners, masked) = (triangles[index as usize], masked[index as usize]);
+            Triangle { corners, index, masked }
+        };
+        let wide = eight_wide_tree(&two, stored);
+        let depth = wide.stack_need();
         if depth > MAX_STACK {
             return Err(TreeError::TooDeep { depth });
         }
-        let triangles = bvh
-            .primitive_indices
-            .iter()
-            .map(|&index| StoredTriangle { corners: triangles[index as usize], index, masked: masked[index as usize] })
-            .collect();
-        Ok(Self { bvh, scale, triangles })
+        Ok(Self(wide))
     }
 
     /// Nearest hit with `0 < t < t_max` that `confirm` accepts (asked for masked triangles only); of equally near ones that on the
@@ -125,27 +97,7 @@ impl Tree {
         t_max: f32,
         confirm: impl Fn(&TriangleHit) -> bool,
     ) -> Option<TriangleHit> {
-        if self.triangles.is_empty() {
-            return None;
-        }
-        let shear = Shear::new(origin, dir);
-        let mut nearest: Option<TriangleHit> = None;
-        let mut tree_hit = RayHit::none();
-        self.bvh.ray_traverse(self.ray(origin, dir, t_max), &mut tree_hit, |_, id| {
-            let triangle = &self.triangles[id];
-            // A tie has to pass for the comparison.
-            let t_max = nearest.map_or(t_max, |nearest| nearest.t.next_up());
-            let precedes =
-                |hit: &TriangleHit| nearest.is_none_or(|nearest| (hit.t, hit.triangle) < (nearest.t, nearest.triangle));
-            match shear.intersect(triangle, t_max) {
-                Some(hit) if precedes(&hit) && (!triangle.masked || confirm(&hit)) => {
-                    nearest = Some(hit);
-                    hit.t * self.scale
-                }
-                _ => f32::INFINITY,
-            }
-        });
-        nearest
+        self.0.closest_hit(origin, dir, t_max, confirm)
     }
 
     /// A triangle that `confirm` accepts strictly between 0 and `t_max`, as a place in the tree's own order; `None` if the
@@ -161,34 +113,14 @@ impl Tree {
         hint: u32,
         confirm: impl Fn(&TriangleHit) -> bool,
     ) -> Option<u32> {
-        if self.triangles.is_empty() {
-            return None;
-        }
         let shear = Shear::new(origin, dir);
-        let stops = |triangle: &StoredTriangle| {
-            shear.intersect(triangle, t_max).filter(|hit| !triangle.masked || confirm(hit)).is_some()
+        let stops = |(block, lane): (&TriangleBlock, usize)| {
+            shear.intersect(block, lane, t_max).is_some_and(|hit| !block.is_masked(lane) || confirm(&hit))
         };
-        if self.triangles.get(hint as usize).is_some_and(stops) {
+        if self.0.at(hint).is_some_and(stops) {
             return Some(hint);
         }
-        let mut occluder = None;
-        self.bvh.ray_traverse_miss(self.ray(origin, dir, t_max), |_, id| {
-            if stops(&self.triangles[id]) {
-                occluder = Some(id as u32);
-                0.0
-            } else {
-                f32::INFINITY
-            }
-        });
-        occluder
-    }
-
-    /// A ray in tree units.
-    ///
-    /// obvhs takes the sign of a component once from the direction and once from its inverse, which disagree for -0.0:
-    /// such a ray would miss boxes. Adding zero makes it +0.0.
-    fn ray(&self, origin: Vec3, dir: Vec3, t_max: f32) -> Ray {
-        Ray::new((origin * self.scale).into(), (dir + Vec3::ZERO).into(), 0.0, t_max * self.scale)
+        self.0.occluder(&shear, dir, t_max, confirm)
     }
 }
 
@@ -225,95 +157,73 @@ fn two_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> Bvh2 {
     )
 }
 
-/// What obvhs's `build_cwbvh` makes, without its clock, which browsers do not have.
-fn eight_wide_tree(boxes: &[PaddedBox], params: BvhBuildParams) -> CwBvh {
-    let mut tree = two_wide_tree(boxes, params);
-    ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
-    bvh2_to_cwbvh(&tree, params.max_prims_per_leaf.clamp(1, 3), true, false)
+/// Over the triangles of a two-wide tree with one of them in each leaf: subtrees of few triangles become leaves, and of the other
+/// nodes the largest are opened until a node has eight children.
+fn eight_wide_tree(two: &Bvh2, stored: impl Fn(u32) -> Triangle) -> WideTree {
+    let counts = triangle_counts(two);
+    let is_leaf = |node: usize| counts[node] as usize <= LANES;
+    let mut wide = WideTree::with_capacity(counts[0] as usize);
+    let mut open = vec![(0usize, wide.add_node())];
+    while let Some((node, number)) = open.pop() {
+        let mut children = vec![node];
+        while children.len() < WIDTH {
+            let area = |&child: &usize| two.nodes[child].aabb().half_area();
+            let inner = (0..children.len()).filter(|&place| !is_leaf(children[place]));
+            let Some(largest) = inner.max_by(|&a, &b| area(&children[a]).total_cmp(&area(&children[b]))) else { break };
+            let first = two.nodes[children[largest]].first_index as usize;
+            children[largest] = first;
+            children.push(first + 1);
+        }
+        let mut of_node = Vec::with_capacity(WIDTH);
+        for child in children {
+            let bounds = two.nodes[child].aabb();
+            let bounds = (bounds.min.into(), bounds.max.into());
+            of_node.push(if is_leaf(child) {
+                wide.leaf(bounds, triangles_below(two, child).map(&stored))
+            } else {
+                let inner = wide.inner(bounds);
+                open.push((child, inner.number()));
+                inner
+            });
+        }
+        wide.set_children(number, &of_node);
+    }
+    wide
 }
 
-/// Most groups that a traversal can have on its stack: the nodes on the way to a leaf that leave a second inner child
-/// behind.
-fn stack_need(bvh: &CwBvh) -> usize {
-    let mut most = 0;
-    let mut open = vec![(0usize, 0usize)];
-    while let Some((node, held)) = open.pop() {
-        let node = &bvh.nodes[node];
-        let inner = node.imask.count_ones();
-        let held = held + usize::from(inner > 1);
-        most = most.max(held);
-        for child in 0..inner {
-            open.push((node.child_base_idx as usize + child as usize, held));
+/// `[n_nodes]` triangles below each node.
+fn triangle_counts(two: &Bvh2) -> Vec<u32> {
+    let mut order = Vec::with_capacity(two.nodes.len());
+    let mut open = vec![0usize];
+    while let Some(node) = open.pop() {
+        order.push(node);
+        if !two.nodes[node].is_leaf() {
+            open.extend([0, 1].map(|child| two.nodes[node].first_index as usize + child));
         }
     }
-    most
+    let mut counts = vec![0u32; two.nodes.len()];
+    for &node in order.iter().rev() {
+        let own = &two.nodes[node];
+        let first = own.first_index as usize;
+        counts[node] = if own.is_leaf() { own.prim_count } else { counts[first] + counts[first + 1] };
+    }
+    counts
 }
 
-/// Per-ray constants of the watertight test: axes so that the ray's largest component is z, and the shear that turns it
-/// into the z axis.
-struct Shear {
-    origin: Vec3,
-    axes: [usize; 3],
-    shear: [f32; 3],
-}
-
-impl Shear {
-    fn new(origin: Vec3, dir: Vec3) -> Self {
-        let size = dir.abs();
-        let z = if size.x >= size.y && size.x >= size.z {
-            0
-        } else if size.y >= size.z {
-            1
+/// Triangles below a node, in the tree's order.
+fn triangles_below(two: &Bvh2, node: usize) -> impl Iterator<Item = u32> {
+    let mut open = vec![node];
+    let mut found = Vec::with_capacity(LANES);
+    while let Some(node) = open.pop() {
+        let own = &two.nodes[node];
+        let first = own.first_index as usize;
+        if own.is_leaf() {
+            found.extend_from_slice(&two.primitive_indices[first..first + own.prim_count as usize]);
         } else {
-            2
-        };
-        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        if dir[z] < 0.0 {
-            std::mem::swap(&mut x, &mut y);
+            open.extend([first + 1, first]);
         }
-        Self { origin, axes: [x, y, z], shear: [dir[x] / dir[z], dir[y] / dir[z], 1.0 / dir[z]] }
     }
-
-    /// Hit with `0 < t < t_max`, from either side.
-    #[inline]
-    fn intersect(&self, triangle: &StoredTriangle, t_max: f32) -> Option<TriangleHit> {
-        let [x, y, z] = self.axes;
-        let [shear_x, shear_y, shear_z] = self.shear;
-        let a = triangle.corners[0] - self.origin;
-        let b = triangle.corners[1] - self.origin;
-        let c = triangle.corners[2] - self.origin;
-        let (ax, ay) = (a[x] - shear_x * a[z], a[y] - shear_y * a[z]);
-        let (bx, by) = (b[x] - shear_x * b[z], b[y] - shear_y * b[z]);
-        let (cx, cy) = (c[x] - shear_x * c[z], c[y] - shear_y * c[z]);
-        let mut u = cx * by - cy * bx;
-        let mut v = ax * cy - ay * cx;
-        let mut w = bx * ay - by * ax;
-        if u == 0.0 || v == 0.0 || w == 0.0 {
-            let product = |a: f32, b: f32| f64::from(a) * f64::from(b);
-            u = (product(cx, by) - product(cy, bx)) as f32;
-            v = (product(ax, cy) - product(ay, cx)) as f32;
-            w = (product(bx, ay) - product(by, ax)) as f32;
-        }
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let determinant = u + v + w;
-        if determinant == 0.0 {
-            return None;
-        }
-        let distance = (u * a[z] + v * b[z] + w * c[z]) * shear_z;
-        let t = distance / determinant;
-        if !(t > 0.0 && t < t_max) {
-            return None;
-        }
-        let inverse = 1.0 / determinant;
-        Some(TriangleHit {
-            t,
-            triangle: triangle.index,
-            barycentrics: Vec3::new(u * inverse, v * inverse, w * inverse),
-            front: determinant > 0.0,
-        })
-    }
+    found.into_iter()
 }
 
 /// Brute-force closest hit in f64 (Möller-Trumbore), the reference for tests.
@@ -345,6 +255,39 @@ pub(super) fn brute_force(triangles: &[[Vec3; 3]], origin: Vec3, dir: Vec3) -> O
 mod tests {
     use super::Tree;
     use glam::Vec3;
+    #[cfg(target_arch = "x86_64")]
+    use localprt_formats::directions::{counter_uniform, spherical_fibonacci};
+
+    /// Some of them in one plane and some no larger than a point, by all tests that this processor has.
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn every_processor_meets_the_same() {
+        let corner = |number: u64, k: u64| {
+            let random = |axis| counter_uniform(4, number, 3 * k + axis) as f32;
+            let place = Vec3::new(random(0), random(1), random(2)) * 9.0;
+            if number.is_multiple_of(3) { place.floor() } else { place }
+        };
+        let triangles: Vec<[Vec3; 3]> = (0..3000)
+            .map(|number| {
+                let first = corner(number, 0);
+                [0, 1, 2].map(|k| if k == 0 { first } else { first.lerp(corner(number, k), 0.3) })
+            })
+            .collect();
+        let masked: Vec<bool> = (0..triangles.len()).map(|number| number % 5 == 0).collect();
+        let tree = Tree::build(&triangles, &masked).expect("a tree");
+        let portable = Tree(Tree::build(&triangles, &masked).expect("a tree").0.portable());
+        let mut met = 0;
+        for ray in 0..50_000u64 {
+            let (origin, dir) = (corner(ray, 9), Vec3::from(spherical_fibonacci((ray % 4099) as u32, 4099)));
+            let confirm = |hit: &super::TriangleHit| hit.barycentrics.x < 0.5;
+            let hits = [&tree, &portable].map(|tree| tree.closest_hit(origin, dir, 6.0, confirm));
+            assert_eq!(hits[0], hits[1], "{ray}");
+            let found = [&tree, &portable].map(|tree| tree.occluder(origin, dir, 6.0, u32::MAX, confirm).is_some());
+            assert_eq!(found, [hits[0].is_some(); 2], "{ray}");
+            met += usize::from(found[0]);
+        }
+        assert!((5_000..45_000).contains(&met), "{met}");
+    }
 
     /// Distances far below the traversal's own 1e-4, in scenes of any unit.
     #[test]

@@ -5,9 +5,13 @@
 //! back of a one-sided surface still blocks, and is black. A double-sided face without a twin of opposite winding
 //! serves both sides.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod bvh;
 #[cfg(test)]
 mod tests;
+mod triangles;
+mod wide;
 
 pub use bvh::{BoxTree, TreeError, TriangleHit};
 
@@ -179,18 +183,25 @@ impl<'a> RayCaster<'a> {
         if distance <= 0.0 {
             return true;
         }
-        match self.tree.occluder(from, way / distance, distance, hint.0, |hit| self.is_present(hit)) {
-            Some(occluder) => {
-                hint.0 = occluder;
-                false
-            }
-            None => true,
-        }
+        self.is_free(from, way / distance, distance, hint)
     }
 
     /// Whether a ray to infinity is free.
     pub fn escapes(&self, origin: Vec3, dir: Vec3) -> bool {
-        self.tree.occluder(origin, dir, f32::INFINITY, u32::MAX, |hit| self.is_present(hit)).is_none()
+        self.escapes_hinted(origin, dir, &mut OccluderHint::default())
+    }
+
+    /// The same, with a hint as in [`RayCaster::visible_hinted`].
+    pub fn escapes_hinted(&self, origin: Vec3, dir: Vec3, hint: &mut OccluderHint) -> bool {
+        self.is_free(origin, dir, f32::INFINITY, hint)
+    }
+
+    fn is_free(&self, origin: Vec3, dir: Vec3, t_max: f32, hint: &mut OccluderHint) -> bool {
+        let occluder = self.tree.occluder(origin, dir, t_max, hint.0, |hit| self.is_present(hit));
+        if let Some(occluder) = occluder {
+            hint.0 = occluder;
+        }
+        occluder.is_none()
     }
 
     fn surface(&self, hit: &TriangleHit) -> SurfaceHit {
