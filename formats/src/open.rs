@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use bytemuck::Pod;
 
@@ -21,9 +22,10 @@ use crate::transport::{Block, Checked, block};
 compile_error!("files are little-endian and read in place; big-endian hosts are not supported");
 
 /// An opened file. Its slices have been checked, but for what is in the blocks of transport: counts agree, every index is in
-/// range, every number is finite. [`Baked::checked`] and [`Baked::block`] check blocks.
+/// range, every number is finite. [`Baked::checked`] and [`Baked::block`] check blocks. Clones share what was read.
+#[derive(Clone)]
 pub struct Baked {
-    bytes: Bytes,
+    bytes: Arc<Bytes>,
     header: Header,
     metadata: Metadata,
     /// Where each known section lies, by [`Known`]; empty for an absent one.
@@ -70,7 +72,7 @@ impl Baked {
         let metadata = metadata::decode(&file[ranges[Known::Metadata as usize].clone()])?;
         let [report, plan] = texts(file, &ranges)?.map(str::to_owned);
         check_tables(&view(file, &ranges, &metadata, [&report, &plan]))?;
-        Ok(Self { bytes, header, metadata, ranges, report, plan })
+        Ok(Self { bytes: Arc::new(bytes), header, metadata, ranges, report, plan })
     }
 
     /// All arrays.

@@ -16,6 +16,7 @@
 //! | [`irradiance_probes`] | rays, maps and weights of octahedral irradiance probes |
 //! | [`light_field`] | light field probes: rays through octahedral maps, prefiltered irradiance |
 //! | [`ssgi_probes`] | spherical harmonics that learn from what is on screen |
+//! | [`moving`] | things that move |
 //! | [`octahedral`] | maps over all directions, with borders |
 //! | [`probe_grid`] | probes at the vertices of a regular grid, the cage of a point |
 //! | [`shader_light`] | the light of one frame, as a shader shades with it |
@@ -25,6 +26,7 @@ pub mod ddgi_scaled;
 pub mod hybrid;
 pub mod irradiance_probes;
 pub mod light_field;
+pub mod moving;
 pub mod octahedral;
 pub mod probe_grid;
 pub mod shader_light;
@@ -35,6 +37,7 @@ pub mod world;
 #[cfg(test)]
 mod test_worlds;
 
+pub use moving::{Object, moved};
 pub use probe_grid::ProbeGrid;
 pub use shader_light::{ShaderHarmonics, ShaderLight, ShaderProbes, Weighting};
 pub use system::{Event, Feedback, Frame, Kind, Query, Setup, Shaded, System, Work};

@@ -1,5 +1,6 @@
 //! What every system is to the one who compares them.
 
+use crate::moving::Object;
 use crate::shader_light::ShaderLight;
 use crate::world::World;
 use glam::Vec3;
@@ -10,6 +11,10 @@ use std::ops::AddAssign;
 pub trait System: Send + Sync {
     /// One frame: traces, shades and stores what it wants to.
     fn update(&mut self, frame: &Frame<'_>) -> Work;
+
+    /// Says where things that move are from now on; the worlds of frames have their surfaces. Systems that trace and keep no more
+    /// than that need not know.
+    fn set_moving(&mut self, _: &[Object]) {}
 
     /// Irradiance at points, W m^-2, `[n]`, with what the last frame left. Not negative.
     fn irradiance(&self, world: &World<'_>, query: &Query<'_>) -> Vec<Vec3>;

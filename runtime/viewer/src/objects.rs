@@ -56,7 +56,8 @@ pub(crate) struct Shape {
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
-fn shape(shape: ObjectShape) -> Shape {
+/// Of a shape in its own axes.
+pub(crate) fn geometry(shape: ObjectShape) -> Shape {
     match shape {
         ObjectShape::Sphere => sphere(SEGMENTS),
         ObjectShape::Box => cube(),
@@ -100,7 +101,7 @@ pub fn moving_casters(objects: &[MovingObject]) -> ShadowCasters {
     let mut casters = ShadowCasters::default();
     for object in objects {
         let first = casters.positions.len() as u32;
-        let shape = shape(object.shape);
+        let shape = geometry(object.shape);
         casters.positions.extend(shape.positions.iter().map(|&point| object.to_world.transform_point3(point)));
         casters.triangles.extend(shape.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
     }
@@ -153,7 +154,7 @@ mod tests {
     #[test]
     fn shapes_are_closed_and_face_outwards() {
         for (kind, volume) in [(ObjectShape::Sphere, 4.0 / 3.0 * std::f32::consts::PI), (ObjectShape::Box, 8.0)] {
-            let shape = shape(kind);
+            let shape = geometry(kind);
             let corners = |triangle: &[u32; 3]| triangle.map(|vertex| shape.positions[vertex as usize]);
             let sixths: f32 = shape.triangles.iter().map(corners).map(|[a, b, c]| a.dot(b.cross(c))).sum();
             // A sphere of flat facets is about one per cent smaller.

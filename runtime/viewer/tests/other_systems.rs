@@ -6,8 +6,8 @@ use glam::Vec3;
 use localprt_scenes::{Lighting, SurfacePoint};
 use localprt_systems::{Feedback, Frame, KINDS, Query, Setup, Shaded, World};
 use localprt_viewer::{
-    Beside, Bounces, Engine, Files, GRAY_ALBEDO, Gpu, LitObject, Moment, OpenBake, OtherLight, Renderer, Stage,
-    ViewKind, ViewState, system_names,
+    Ball, Beside, Bounces, Engine, Files, GRAY_ALBEDO, Gpu, LitObject, Moment, OpenBake, OtherLight, OtherRecord,
+    Renderer, Stage, ViewKind, ViewState, system_names,
 };
 use small_bake::{SmallBake, headless};
 use std::f32::consts::PI;
@@ -44,7 +44,8 @@ fn the_shader_says_what_the_probes_of_a_system_say() {
     let aspect = SIZE.0 as f32 / SIZE.1 as f32;
     for name in ["ddgi", "ddgi-scaled", "light-field-irradiance", "ssgi-probes"] {
         let (state, stage) = state_of(&bake, name);
-        let moment = Moment::of(&state, &stage, aspect);
+        // The ball is drawn; rays do not meet it, here and there.
+        let moment = Moment { objects: Vec::new(), ..Moment::of(&state, &stage, aspect) };
         let mut engine = Engine::new(name, &bake.caster, &bake.baked).expect("a system");
         // The same system by itself.
         let kind = KINDS.iter().find(|kind| kind.name == name).expect("a kind");
@@ -163,6 +164,51 @@ fn systems_without_such_probes_show_their_light_at_the_receivers() {
     let (first, all) = (mean_of(Bounces::Exactly(1)), mean_of(Bounces::All));
     assert!(first > 0.0 && all > 1.05 * first, "{first} {all}");
     assert!(Engine::new("nonsense", &bake.caster, &bake.baked).is_none());
+}
+
+#[test]
+fn systems_that_trace_see_what_moves() {
+    let Some(baked) = SmallBake::new("systems_that_trace_see_what_moves") else { return };
+    let files = Files::open(&baked.folder().join(baked.file()), None).expect("opens");
+    let bake = OpenBake::new(&files).expect("a bake");
+    let view = bake.baked.view();
+    for name in ["hybrid", "ddgi", "ddgi-scaled", "ssgi-probes"] {
+        let (mut state, stage) = state_of(&bake, name);
+        state.object = None;
+        let mut engine = Engine::new(name, &bake.caster, &bake.baked).expect("a system");
+        let mut mean = |state: &ViewState| {
+            let moment = Moment::of(state, &Stage::new(state, bake.bounds, 0.0), 1.5);
+            let lights: Vec<OtherLight> = (0..120).map(|_| engine.update(&moment).light).collect();
+            match lights.last() {
+                Some(OtherLight::Map { rgba, .. }) => {
+                    let light = |&texel: &u32| rgba[texel as usize][1].to_f32();
+                    view.receiver_texel.iter().map(light).sum::<f32>() / view.receiver_texel.len() as f32
+                }
+                Some(OtherLight::Probes { record, texels }) if record.kind == OtherRecord::HARMONICS => {
+                    // The first of nine coefficients, behind low and spacing of each grid.
+                    let first = |probe: &[[f32; 4]]| probe[0][1];
+                    texels[2 * record.n_grids as usize..].chunks_exact(9).map(first).sum()
+                }
+                Some(OtherLight::Probes { record, texels }) => {
+                    let n_probes = record.size.iter().product::<u32>() as usize;
+                    let side = record.irradiance_side as usize + 2;
+                    // As the shader makes light of what maps hold.
+                    let power = record.stored_power * record.mean_power;
+                    texels[n_probes..][..n_probes * side * side].iter().map(|texel| texel[1].powf(power)).sum::<f32>()
+                }
+                None => panic!("some updates"),
+            }
+        };
+        let open = mean(&state);
+        // An all but black ball around the lamp.
+        state.balls = vec![Ball { center: stage.lights[0].position, radius_m: 0.2, circles: false }];
+        let closed = mean(&state);
+        state.balls.clear();
+        let again = mean(&state);
+        eprintln!("{name}: {open}, with the ball {closed}, without again {again}");
+        assert!(closed < 0.3 * open, "{name}: {open} {closed}");
+        assert!((again / open - 1.0).abs() < 0.1, "{name}: {open} {again}");
+    }
 }
 
 #[test]

@@ -2,12 +2,11 @@
 
 use super::Settings;
 use super::convergence::Reaction;
-use super::optimizer::Object;
 use super::probe::State;
 use super::volume::Volume;
 use super::window::Window;
 use crate::irradiance_probes::{BackFaces, ProbeRays, Weights, far_m, turned_directions};
-use crate::{Frame, ProbeGrid, Query, Shaded, ShaderLight, System, Work, World};
+use crate::{Frame, Object, ProbeGrid, Query, Shaded, ShaderLight, System, Work, World};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -45,11 +44,6 @@ impl ScaledDdgi {
     pub fn over(world: &World<'_>, probes: usize, settings: Settings, seed: u64) -> Self {
         let window = Window::new(ProbeGrid::within(world.bounds(), probes, settings.inset));
         Self::new(world, vec![Volume::fixed(window, &settings)], Vec::new(), settings, seed)
-    }
-
-    /// Says where things that move are from now on. Probes near them wake up in the next frame.
-    pub fn set_objects(&mut self, objects: Vec<Object>) {
-        self.objects = objects;
     }
 
     /// States of all probes, volume by volume.
@@ -153,6 +147,11 @@ impl System for ScaledDdgi {
         let mut work = self.take(frame, found);
         work += placing;
         work
+    }
+
+    /// Probes near them wake up in the next frame.
+    fn set_moving(&mut self, objects: &[Object]) {
+        self.objects = objects.to_vec();
     }
 
     fn irradiance(&self, _: &World<'_>, query: &Query<'_>) -> Vec<Vec3> {

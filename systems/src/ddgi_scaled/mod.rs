@@ -50,7 +50,7 @@ mod window;
 
 pub use convergence::{Hysteresis, Reaction};
 pub use field::ScaledDdgi;
-pub use optimizer::{Object, Sight};
+pub use optimizer::Sight;
 pub use probe::{Probe, State};
 pub use settings::Settings;
 pub use volume::Volume;

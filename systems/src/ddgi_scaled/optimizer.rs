@@ -1,7 +1,7 @@
 //! Moves probes out of walls and away from surfaces close by (sec. 5, Fig. 8).
 
-use crate::World;
 use crate::irradiance_probes::first_hit;
+use crate::{Object, World};
 use glam::Vec3;
 
 /// A probe that sees more than this share of backs is inside of something.
@@ -20,15 +20,6 @@ const STEP: f32 = 0.2;
 /// Front faces within this cosine of one another are one surface (Fig. 8).
 const ONE_SURFACE: f32 = 0.5;
 
-/// A box that holds something that moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Object {
-    /// Lowest corner, metres.
-    pub low: Vec3,
-    /// Highest corner, metres.
-    pub high: Vec3,
-}
-
 /// What a probe's rays find of the surfaces around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
@@ -41,13 +32,6 @@ pub struct Sight {
     farthest_front: Option<(f32, Vec3)>,
     /// A front is in the cells around the probe's place on the grid: it may be lit by the probe.
     pub lights_surface: bool,
-}
-
-impl Object {
-    /// Whether a point is in the box when it is larger by a margin on every side.
-    pub fn holds(&self, point: Vec3, margin: Vec3) -> bool {
-        (self.low - margin).cmple(point).all() && point.cmple(self.high + margin).all()
-    }
 }
 
 impl Sight {

@@ -1,6 +1,7 @@
 //! The states of a probe and how it changes between them (sec. 6, Figs. 10 and 11).
 
-use super::optimizer::{Object, Sight};
+use super::optimizer::Sight;
+use crate::Object;
 use glam::Vec3;
 
 /// Whether a probe traces and is asked. What is new takes its first values whole: hysteresis 0.

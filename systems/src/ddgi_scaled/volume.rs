@@ -1,11 +1,11 @@
 //! One volume of probes: placing and waking them, asking the eight around a point, and its share among other volumes.
 
 use super::Settings;
-use super::optimizer::{Object, Sight};
+use super::optimizer::Sight;
 use super::probe::{Probe, State};
 use super::window::Window;
 use crate::irradiance_probes::{ProbeMaps, cage_weights};
-use crate::{Shaded, ShaderProbes, Weighting, Work, World};
+use crate::{Object, Shaded, ShaderProbes, Weighting, Work, World};
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 

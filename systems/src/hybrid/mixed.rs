@@ -2,9 +2,9 @@
 
 use super::file_light::FileLight;
 use super::pair::Pair;
-use super::region::{Region, moved};
+use super::region::Region;
 use super::{Joining, Settings};
-use crate::{Feedback, Frame, Query, Shaded, System, Work, World};
+use crate::{Feedback, Frame, Query, Shaded, System, Work, World, moved};
 use glam::Vec3;
 use localprt_formats::Checked;
 use localprt_scenes::SurfacePoint;

@@ -62,5 +62,10 @@ mod settings;
 
 pub use file_light::FileLight;
 pub use mixed::Hybrid;
-pub use region::{Region, moved};
+pub use region::Region;
 pub use settings::{Joining, Settings};
+
+/// Its key in `metrics.json`.
+pub const NAME: &str = "hybrid";
+/// Its row of the table.
+pub const TITLE: &str = "localprt, the file and traced probes around what moves";

@@ -2,8 +2,8 @@
 
 use super::Settings;
 use super::region::Region;
-use crate::ddgi_scaled::{Object, ScaledDdgi, Volume, Window};
-use crate::{Query, Shaded, System, Work, World};
+use crate::ddgi_scaled::{ScaledDdgi, Volume, Window};
+use crate::{Object, Query, Shaded, System, Work, World};
 use glam::Vec3;
 
 /// The fields, and where they act.
@@ -41,7 +41,7 @@ impl Pair {
         self.region = region;
         let mut work = Work::default();
         for field in [&mut self.with, &mut self.without] {
-            field.set_objects(objects.to_vec());
+            field.set_moving(objects);
             work += field.arrange(still, Some(region.center()), number);
         }
         work

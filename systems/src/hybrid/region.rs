@@ -1,9 +1,7 @@
 //! Where what moves acts: boxes of what moves, the box around them, and the share of the change in it.
 
-use crate::ProbeGrid;
-use crate::ddgi_scaled::Object;
+use crate::{Object, ProbeGrid};
 use glam::Vec3;
-use localprt_scenes::Scene;
 
 /// The box in which the change is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,15 +12,6 @@ pub struct Region {
     bounds: (Vec3, Vec3),
     /// Size of a window around it, the same wherever it goes.
     pub extent: Vec3,
-}
-
-/// Boxes of what moves: the meshes after the first `n_static`, metres.
-pub fn moved(scene: &Scene, n_static: usize) -> Vec<Object> {
-    let of_mesh = |mesh: &localprt_scenes::Mesh| {
-        let corners = || mesh.positions.iter().copied();
-        Some(Object { low: corners().reduce(Vec3::min)?, high: corners().reduce(Vec3::max)? })
-    };
-    scene.meshes.iter().skip(n_static).filter_map(of_mesh).collect()
 }
 
 impl Region {

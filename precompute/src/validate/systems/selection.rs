@@ -1,7 +1,7 @@
 //! Which systems are compared, by name.
 
 use super::super::methods::{ARIKAN, COMPRESSED, Method, PAPER, SPATIAL, UNCOMPRESSED};
-use localprt_systems::{KINDS, Kind};
+use localprt_systems::{KINDS, Kind, hybrid};
 use std::str::FromStr;
 
 /// Every system, for `--systems all`.
@@ -29,11 +29,9 @@ pub(super) enum Keeps {
     Rows,
 }
 
-const HYBRID_TITLE: &str = "localprt, the file and traced probes around what moves";
-
 static OURS: &[&Ours] = &[
     &Ours { name: "file", title: "localprt, the file", method: &COMPRESSED, keeps: Keeps::File },
-    &Ours { name: "hybrid", title: HYBRID_TITLE, method: &COMPRESSED, keeps: Keeps::Hybrid },
+    &Ours { name: hybrid::NAME, title: hybrid::TITLE, method: &COMPRESSED, keeps: Keeps::Hybrid },
     &Ours { name: "fitted", title: "localprt, rows uncompressed", method: &UNCOMPRESSED, keeps: Keeps::Rows },
     &Ours { name: "paper", title: "rows as in SL17, uncompressed", method: &PAPER, keeps: Keeps::Rows },
     &Ours { name: "spatial", title: "spatial interpolation, Eq. (1)", method: &SPATIAL, keeps: Keeps::Rows },

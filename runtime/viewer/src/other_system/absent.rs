@@ -20,7 +20,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 
 impl<'a> Engine<'a> {
     /// Nothing.
-    pub fn new(_: &str, _: &'a RayCaster<'a>, _: &Checked<'_>) -> Option<Self> {
+    pub fn new(_: &str, _: &'a RayCaster<'a>, _: &Checked<'a>) -> Option<Self> {
         None
     }
 

@@ -4,8 +4,8 @@
 //! hands its probes to the shader. Those that trace rays for every point are asked for the light of the receivers instead: as many rays per
 //! pixel, up to 256, would be a second of a frame on common devices, and receivers keep the average over frames that belongs to it.
 //!
-//! What moves is no part of the scene: systems see what stands still, under lights that change. Objects have their light where their
-//! probes are in the shader, and the file's elsewhere.
+//! Rays meet what moves, too: the tree of rays is made anew for every update while there are objects. Objects have their light where
+//! their probes are in the shader, and the file's elsewhere. Light field probes alone know only the geometry that they were made with.
 
 #[cfg(all(feature = "systems", not(target_arch = "wasm32")))]
 mod present;
@@ -16,6 +16,7 @@ mod present;
 pub(crate) use present::Beneath;
 pub use present::{Engine, names};
 
+use crate::objects::MovingObject;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::open_bake::OpenBake;
 use crate::other_light::OtherLight;
@@ -33,6 +34,8 @@ pub const UPDATES: u32 = 320;
 pub struct Moment {
     /// What shines, and materials.
     pub lighting: Lighting,
+    /// What moves.
+    pub objects: Vec<MovingObject>,
     /// From where the picture is taken.
     pub camera: Camera,
     /// One gather alone; otherwise the system feeds itself, frame by frame.
@@ -45,6 +48,7 @@ impl Moment {
         let viewpoint = &state.viewpoint;
         Self {
             lighting: state.lighting(stage.lights.clone()),
+            objects: stage.objects.clone(),
             camera: Camera {
                 name: String::new(),
                 to_world: viewpoint.to_world,

@@ -1,10 +1,10 @@
 //! Where probes stand, which of them sleep, and what becomes of those inside of things.
 
-use super::super::{Object, Probe, ScaledDdgi, Settings, Sight, State, Volume, Window};
+use super::super::{Probe, ScaledDdgi, Settings, Sight, State, Volume, Window};
 use crate::irradiance_probes::test_scenes::solid;
 use crate::irradiance_probes::{MapSizes, turned_directions};
 use crate::test_worlds::{furnace, furnace_points, in_world, settle};
-use crate::{Feedback, Frame, ProbeGrid, Query, Shaded, System, Work, World};
+use crate::{Feedback, Frame, Object, ProbeGrid, Query, Shaded, System, Work, World};
 use glam::{UVec3, Vec3};
 use localprt_scenes::{Lighting, Scene, SurfacePoint};
 use std::f32::consts::PI;
@@ -156,12 +156,12 @@ fn a_box_in_the_air_wakes_sleepers() {
         // A cell and the bias around a box of 0.1 m: 4 probes along x (0.5 m apart, 0.25 and 0.75 from the middle of 2; reach 0.63),
         // of which 2 are within, and so along every axis.
         let half = Vec3::splat(0.05);
-        scaled.set_objects(vec![Object { low: point.position - half, high: point.position + half }]);
+        scaled.set_moving(&[Object { low: point.position - half, high: point.position + half }]);
         let work = frame(&mut scaled, world, 1);
         assert_eq!((count(&scaled, State::Awake), work.probes), (8, 296 + 8));
         // Woken with their first values whole, which are those of a furnace.
         assert!((ask(&scaled) / PI - 1.0).abs() < 1e-4, "{}", ask(&scaled));
-        scaled.set_objects(Vec::new());
+        scaled.set_moving(&[]);
         frame(&mut scaled, world, 2);
         assert_eq!((count(&scaled, State::Awake), count(&scaled, State::Sleeping)), (0, 216));
     });

@@ -1,5 +1,6 @@
 //! A system that is asked for a frame at a time.
 
+use super::moving_scene::MovingScene;
 use crate::other_light::{OtherLight, OtherRecord};
 use crate::other_system::{Found, Moment, OtherFigures};
 use glam::Vec3;
@@ -7,9 +8,10 @@ use half::f16;
 use localprt_formats::Checked;
 use localprt_scenes::{Lighting, SurfacePoint};
 use localprt_surfaces::rays::RayCaster;
+use localprt_systems::hybrid::{self, Hybrid};
 use localprt_systems::{
-    Event, Feedback, Frame, KINDS, Kind, Query, Setup, Shaded, ShaderHarmonics, ShaderLight, ShaderProbes, System,
-    Weighting, World,
+    Event, Feedback, Frame, KINDS, Kind, Object, Query, Setup, Shaded, ShaderHarmonics, ShaderLight, ShaderProbes,
+    System, Weighting, World, moved,
 };
 use web_time::Instant;
 
@@ -21,7 +23,42 @@ const LARGEST_BUFFER: usize = (128 << 20) - size_of::<OtherRecord>();
 
 /// Names of all systems.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    KINDS.iter().map(|kind| kind.name)
+    std::iter::once(hybrid::NAME).chain(KINDS.iter().map(|kind| kind.name))
+}
+
+/// A system before it has probes.
+pub(super) enum Chosen<'a> {
+    /// Of another paper.
+    Other(&'static Kind),
+    /// This file with probes around what moves.
+    Hybrid(Box<Checked<'a>>),
+}
+
+impl<'a> Chosen<'a> {
+    /// The system of a name; `None` if there is no such name.
+    pub(super) fn of_name(name: &str, baked: &Checked<'a>) -> Option<Self> {
+        if name == hybrid::NAME {
+            return Some(Self::Hybrid(Box::new(baked.clone())));
+        }
+        KINDS.iter().find(|kind| kind.name == name).map(|kind| Self::Other(kind))
+    }
+
+    fn title(&self) -> &'static str {
+        match self {
+            Self::Other(kind) => kind.title,
+            Self::Hybrid(_) => hybrid::TITLE,
+        }
+    }
+
+    /// Among what stands still.
+    fn prepare(&self, caster: &'a RayCaster<'a>, lighting: &Lighting, setup: &Setup<'_>) -> Box<dyn System + 'a> {
+        match self {
+            Self::Other(kind) => (kind.prepare)(&World::new(caster, lighting), setup),
+            Self::Hybrid(baked) => {
+                Box::new(Hybrid::new((**baked).clone(), caster, hybrid::Settings::default(), setup.seed))
+            }
+        }
+    }
 }
 
 /// The file's receivers, for systems that are asked at points.
@@ -67,55 +104,69 @@ impl Receivers {
     }
 }
 
+/// What a system was told of last.
+#[derive(Clone, Debug, Default)]
+struct Told {
+    lighting: Lighting,
+    objects: Vec<Object>,
+}
+
 /// A system on the file's scene, with as many probes as the file has.
 pub struct Engine<'a> {
     caster: &'a RayCaster<'a>,
     receivers: Receivers,
-    kind: &'static Kind,
+    chosen: Chosen<'a>,
     /// Made for the first view.
-    system: Option<Box<dyn System>>,
-    last: Option<Lighting>,
+    system: Option<Box<dyn System + 'a>>,
+    /// Made for the first object.
+    moving: Option<MovingScene>,
+    last: Option<Told>,
     updates: u64,
 }
 
 impl<'a> Engine<'a> {
     /// The system of a name, on the scene of a file; `None` if there is no such name.
-    pub fn new(name: &str, caster: &'a RayCaster<'a>, baked: &Checked<'_>) -> Option<Self> {
-        let kind = KINDS.iter().find(|kind| kind.name == name)?;
-        Some(Self::on(kind, caster, Receivers::of(baked)))
+    pub fn new(name: &str, caster: &'a RayCaster<'a>, baked: &Checked<'a>) -> Option<Self> {
+        Some(Self::on(Chosen::of_name(name, baked)?, caster, Receivers::of(baked)))
     }
 
-    pub(super) fn on(kind: &'static Kind, caster: &'a RayCaster<'a>, receivers: Receivers) -> Self {
-        Self { caster, receivers, kind, system: None, last: None, updates: 0 }
+    fn on(chosen: Chosen<'a>, caster: &'a RayCaster<'a>, receivers: Receivers) -> Self {
+        Self { caster, receivers, chosen, system: None, moving: None, last: None, updates: 0 }
     }
 
     /// One update, and the light after it.
     pub fn update(&mut self, moment: &Moment) -> Found {
         let began = Instant::now();
-        let world = World::new(self.caster, &moment.lighting);
-        let receivers = &self.receivers;
+        let Self { caster, receivers, chosen, system, moving, last, updates } = self;
+        let still = caster.scene();
+        let with_objects = (!moment.objects.is_empty())
+            .then(|| moving.get_or_insert_with(|| MovingScene::of(still)).with(&moment.objects));
+        // Without a tree of so many triangles things are drawn and not met.
+        let tree = with_objects.and_then(|scene| RayCaster::new(scene).ok());
+        let world = World::new(tree.as_ref().unwrap_or(caster), &moment.lighting);
         let cameras = std::slice::from_ref(&moment.camera);
         let setup = Setup { probes: receivers.probes, cameras, seed: SEED };
-        let system = self.system.get_or_insert_with(|| (self.kind.prepare)(&world, &setup));
-        let events = self.last.as_ref().map_or(Vec::new(), |last| events(last, &moment.lighting));
-        if self.last.is_none() || !events.is_empty() {
-            self.last = Some(moment.lighting.clone());
-        }
+        let system = system.get_or_insert_with(|| chosen.prepare(caster, &moment.lighting, &setup));
+        let told =
+            Told { lighting: moment.lighting.clone(), objects: moved(world.caster().scene(), still.meshes.len()) };
+        system.set_moving(&told.objects);
+        let events = last.as_ref().map_or(Vec::new(), |last| events(last, &told));
+        *last = Some(told);
         let feedback = if moment.is_first_bounce { Feedback::Nothing } else { Feedback::Own };
         let camera = Some(&moment.camera);
-        let frame = Frame { world: &world, number: self.updates, camera, feedback, events: &events, still: false };
+        let frame = Frame { world: &world, number: *updates, camera, feedback, events: &events, still: false };
         let work = system.update(&frame);
-        self.updates += 1;
+        *updates += 1;
         let light = match system.shader_light().filter(fits) {
             Some(light) => shaded_by(&light),
             None => receivers.map(&**system, &world),
         };
         let figures = OtherFigures {
-            title: self.kind.title,
+            title: chosen.title(),
             probes: system.probes(),
             bytes: system.bytes(),
             rays: work.rays + work.shadow_rays,
-            updates: self.updates,
+            updates: *updates,
             seconds: began.elapsed().as_secs_f64(),
         };
         Found { light, figures }
@@ -123,12 +174,18 @@ impl<'a> Engine<'a> {
 }
 
 /// What an application would tell its system of a change of light.
-fn events(last: &Lighting, now: &Lighting) -> Vec<Event> {
-    let is_large =
-        last.sky != now.sky || last.materials != now.materials || last.albedo_override != now.albedo_override;
+fn events(last: &Told, now: &Told) -> Vec<Event> {
+    let (before, after) = (&last.lighting, &now.lighting);
+    let is_large = before.sky != after.sky
+        || before.materials != after.materials
+        || before.albedo_override != after.albedo_override;
+    // What goes its way step by step is where its box was.
+    let is_elsewhere = last.objects.len() != now.objects.len()
+        || last.objects.iter().zip(&now.objects).any(|(before, after)| !before.meets(after));
     let large = is_large.then_some(Event::LargeLight);
-    let small = (last.lights != now.lights).then_some(Event::SmallLight);
-    large.into_iter().chain(small).collect()
+    let small = (before.lights != after.lights).then_some(Event::SmallLight);
+    let object = is_elsewhere.then_some(Event::LargeObject);
+    large.into_iter().chain(small).chain(object).collect()
 }
 
 /// Whether probes fit into a buffer of every device.
@@ -188,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_system_is_told_of_what_changed_as_an_application_would() {
-        let dark = Lighting::default();
+        let told = |lighting: Lighting, objects: &[Object]| Told { lighting, objects: objects.to_vec() };
         let lamp = Light {
             name: String::new(),
             kind: LightKind::Point,
@@ -198,12 +255,19 @@ mod tests {
             intensity: 1.0,
             range: None,
         };
-        let lit = Lighting { lights: vec![lamp], ..Lighting::default() };
-        let day = Lighting { sky: Sky::Constant(Vec3::ONE), ..lit.clone() };
+        let dark = told(Lighting::default(), &[]);
+        let lit = told(Lighting { lights: vec![lamp], ..Lighting::default() }, &[]);
+        let day = told(Lighting { sky: Sky::Constant(Vec3::ONE), ..lit.lighting.clone() }, &[]);
         assert_eq!(events(&dark, &dark), []);
         assert_eq!(events(&dark, &lit), [Event::SmallLight]);
         assert_eq!(events(&lit, &day), [Event::LargeLight]);
         assert_eq!(events(&dark, &day), [Event::LargeLight, Event::SmallLight]);
+        let at =
+            |low: f32| told(day.lighting.clone(), &[Object { low: Vec3::splat(low), high: Vec3::splat(low + 1.0) }]);
+        assert_eq!(events(&day, &at(0.0)), [Event::LargeObject]);
+        assert_eq!(events(&at(0.0), &at(0.9)), [], "it goes its way");
+        assert_eq!(events(&at(0.0), &at(1.1)), [Event::LargeObject], "it is elsewhere at once");
+        assert_eq!(events(&at(0.0), &day), [Event::LargeObject]);
     }
 
     #[test]

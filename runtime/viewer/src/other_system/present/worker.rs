@@ -1,11 +1,10 @@
 //! Systems on a thread of their own, while a window shows what they have found.
 
-use super::engine::{Engine, Receivers};
+use super::engine::Engine;
 use crate::open_bake::OpenBake;
 use crate::other_light::Beside;
 use crate::other_system::{Found, Moment, News, UPDATES};
 use localprt_surfaces::rays::RayCaster;
-use localprt_systems::KINDS;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
@@ -64,18 +63,19 @@ struct Worker {
 }
 
 impl Worker {
-    /// `None` if there is no such system, or no thread.
+    /// `None` if there is no thread.
     fn start(system: &'static str, bake: &OpenBake<'_>) -> Option<Self> {
-        let kind = KINDS.iter().find(|kind| kind.name == system)?;
-        let (scene, receivers) = (bake.scene().clone(), Receivers::of(&bake.baked));
+        let (scene, baked) = (bake.scene().clone(), bake.files.baked.clone());
         let (moments, told) = channel();
         let is_untold = Arc::new(AtomicBool::new(false));
         // One that waits to be taken and one that is being found: no more.
         let (finds, found) = sync_channel(1);
         let heard = Heard { told, is_untold: Arc::clone(&is_untold) };
         let work = move || {
-            let Ok(caster) = RayCaster::new(&scene) else { return };
-            run(&mut Engine::on(kind, &caster, receivers), &heard, &finds);
+            let (Ok(caster), Ok(baked)) = (RayCaster::new(&scene), baked.checked()) else { return };
+            if let Some(mut engine) = Engine::new(system, &caster, &baked) {
+                run(&mut engine, &heard, &finds);
+            }
         };
         thread::Builder::new().name(system.into()).spawn(work).ok()?;
         Some(Self { system, moments, is_untold, found })
