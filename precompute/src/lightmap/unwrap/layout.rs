@@ -21,6 +21,7 @@ use localprt_surfaces::atlas::{LIGHTMAP_SET, raster::Footprint};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 /// Charts of fewer texels than this are joined.
 const LEAST_TEXELS: f64 = 1.0;
@@ -61,13 +62,14 @@ pub struct Fineness {
     pub light_map: f32,
 }
 
-/// Charts of a scene, ready to be packed at any density.
+/// Charts of a scene, ready to be packed at any density: by rays against one scene.
 pub struct Charts {
     pieces: Vec<Piece>,
     /// Triangle of its mesh of each triangle of a piece.
     kept: Vec<Vec<u32>>,
     islands: Vec<Island>,
     finest: f32,
+    joined: Mutex<BTreeMap<SmallOnes, Groups>>,
 }
 
 /// Where charts go beside others.
@@ -107,6 +109,12 @@ struct Dealt {
 /// Where small charts may be joined: binary logarithm of a cell's edge, the cell, and axis and sign of the way they face.
 type Cell = (i32, [i32; 3], usize);
 
+/// A cell and the small islands in it.
+type SmallOnes = (Cell, Vec<usize>);
+
+/// Islands that share a texel.
+type Groups = Vec<Vec<usize>>;
+
 enum Holder {
     /// An island as it is.
     Island(usize),
@@ -136,7 +144,7 @@ impl Charts {
                 island.texel *= RANGE;
             }
         }
-        Self { pieces, kept, islands, finest }
+        Self { pieces, kept, islands, finest, joined: Mutex::default() }
     }
 
     /// What the edge of a texel is in proportion to (S1), where it is finest.
@@ -346,23 +354,31 @@ impl Charts {
             let facing = 2 * axis + usize::from(island.normal[axis] > 0.0);
             small.entry((octave, cell.to_array(), facing)).or_default().push(index);
         }
-        let cells: Vec<(Cell, Vec<usize>)> = small.into_iter().collect();
-        let joined: Vec<Vec<Vec<usize>>> = cells
-            .par_iter()
-            .map(|((octave, ..), members)| self.join(caster, JOINED_ABOVE * 2.0f32.powi(*octave), members))
-            .collect();
-        for members in joined.into_iter().flatten() {
+        for members in self.joined(caster, small.into_iter().collect()) {
             dealt.charts.push(FlatChart { corners: vec![JOINED], density: 1.0 });
             dealt.of.push(Holder::Joined(members));
         }
         dealt
     }
 
+    /// Small islands in groups, cell by cell. Most cells hold at one density what they hold at the next: those are not looked at again.
+    fn joined(&self, caster: &RayCaster<'_>, cells: Vec<SmallOnes>) -> Groups {
+        let mut known = self.joined.lock().unwrap_or_else(PoisonError::into_inner);
+        let unknown: Vec<&SmallOnes> = cells.iter().filter(|cell| !known.contains_key(cell)).collect();
+        let join = |&cell: &&SmallOnes| {
+            let ((octave, ..), members) = cell;
+            (cell.clone(), self.join(caster, JOINED_ABOVE * 2.0f32.powi(*octave), members))
+        };
+        let found: Vec<(SmallOnes, Groups)> = unknown.par_iter().map(join).collect();
+        known.extend(found);
+        cells.iter().flat_map(|cell| known[cell].iter().cloned()).collect()
+    }
+
     /// Small islands of a cell in groups that see their first, largest, member from a little above.
-    fn join(&self, caster: &RayCaster<'_>, above_m: f32, members: &[usize]) -> Vec<Vec<usize>> {
+    fn join(&self, caster: &RayCaster<'_>, above_m: f32, members: &[usize]) -> Groups {
         let mut order = members.to_vec();
         order.sort_by(|&a, &b| self.islands[b].area_m2.total_cmp(&self.islands[a].area_m2).then(a.cmp(&b)));
-        let mut groups: Vec<Vec<usize>> = Vec::new();
+        let mut groups = Groups::new();
         for index in order {
             let own = groups.iter().position(|group| self.see_each_other(caster, above_m, group[0], index));
             match own {
