@@ -373,7 +373,9 @@ impl Part {
         let mut half = half.to_vec();
         half.sort_unstable();
         let of_members = |rows: &[f32], length: usize| -> Vec<f32> {
-            half.iter().flat_map(|&at| &rows[at * n_k * length..(at + 1) * n_k * length]).copied().collect()
+            let mut own = Vec::with_capacity(half.len() * n_k * length);
+            half.iter().for_each(|&at| own.extend_from_slice(&rows[at * n_k * length..(at + 1) * n_k * length]));
+            own
         };
         let part = Self {
             weighted: self.weighted.as_ref().map(|weighted| Weighted {
@@ -409,7 +411,7 @@ impl Part {
         if used.iter().all(|&used| used) {
             return self;
         }
-        let mut rows = Vec::new();
+        let mut rows = Vec::with_capacity(self.rows.len());
         for row in self.rows.chunks_exact(self.n_columns) {
             for (block, chunk) in row[..blocks * n_sh].chunks_exact(n_sh).enumerate() {
                 if used[block] {
@@ -435,7 +437,9 @@ impl Weighted {
     /// W of the part's columns, `[n_columns][n]`.
     fn matrix(&self) -> Vec<f32> {
         let n = self.metric.n;
-        self.columns.iter().flat_map(|&column| &self.metric.matrix[column as usize * n..][..n]).copied().collect()
+        let mut own = Vec::with_capacity(self.columns.len() * n);
+        self.columns.iter().for_each(|&column| own.extend_from_slice(&self.metric.matrix[column as usize * n..][..n]));
+        own
     }
 }
 

@@ -14,6 +14,8 @@ use faer::linalg::householder::{
 use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch, recommended_block_size};
 use faer::{Accum, Conj, Mat, MatMut, MatRef, Par, Spec, diag::Diag, linalg::matmul::matmul};
 use localprt_formats::directions::counter_uniform;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 /// Random directions beyond the wanted rank.
 const OVERSAMPLING: usize = 8;
@@ -111,12 +113,19 @@ fn squared_norm(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
 }
 
-/// Random directions, `n_rows` high.
+/// Random directions, `n_rows` high. Those of a width begin alike, and each thread keeps the longest.
 pub(crate) fn sketch(stream: u64, n_rows: usize, width: usize) -> Mat<f32> {
-    Mat::from_fn(n_rows, width, |row, column| {
-        // Sums of two uniforms are near enough to normal.
-        let counter = (row * width + column) as u64;
-        (counter_uniform(stream, counter, 0) + counter_uniform(stream, counter, 1) - 1.0) as f32
+    thread_local! {
+        static KEPT: RefCell<BTreeMap<(u64, usize), Vec<f32>>> = const { RefCell::new(BTreeMap::new()) };
+    }
+    KEPT.with_borrow_mut(|kept| {
+        let values = kept.entry((stream, width)).or_default();
+        values.extend((values.len()..n_rows * width).map(|counter| {
+            // Sums of two uniforms are near enough to normal.
+            let counter = counter as u64;
+            (counter_uniform(stream, counter, 0) + counter_uniform(stream, counter, 1) - 1.0) as f32
+        }));
+        MatRef::from_row_major_slice(&values[..n_rows * width], n_rows, width).to_owned()
     })
 }
 

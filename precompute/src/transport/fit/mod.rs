@@ -487,7 +487,11 @@ impl LeafFit {
         let mut system = vec![0.0f32; n_modes * n_modes];
         let mut variance = 0.0;
         for &(_, weight, view) in &probes {
-            system.iter_mut().zip(&view.gram).for_each(|(sum, value)| *sum += weight * value);
+            // What is above the diagonal is not asked for.
+            for (row, (sums, gram)) in system.chunks_exact_mut(n_modes).zip(view.gram.chunks_exact(n_modes)).enumerate()
+            {
+                sums[..=row].iter_mut().zip(&gram[..=row]).for_each(|(sum, value)| *sum += weight * value);
+            }
             variance += weight / total * view.variance;
         }
         let ridge = self.ridge * variance;

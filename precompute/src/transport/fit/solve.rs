@@ -18,8 +18,8 @@ pub(super) fn gram(matrix: &[f32], n_rows: usize) -> Vec<f32> {
     transposed_product(matrix, n, matrix, n)
 }
 
-/// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix and row-major right sides `[n_k][n]`; `None` if rounding
-/// left the matrix not positive definite.
+/// Solves `S z = y` for a symmetric positive definite `[n][n]` matrix, of which what is above the diagonal is not read, and row-major right
+/// sides `[n_k][n]`; `None` if rounding left the matrix not positive definite.
 pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Option<Vec<f32>> {
     let mut solution = right.to_vec();
     let right = MatMut::from_column_major_slice_mut(&mut solution, n, right.len() / n);
@@ -28,7 +28,7 @@ pub(super) fn solve(system: &[f32], right: &[f32], n: usize) -> Option<Vec<f32>>
     Some(solution)
 }
 
-/// L of `A = L Lᵀ` for a symmetric `[n][n]` matrix; `None` if it is not positive definite.
+/// L of `A = L Lᵀ` for a symmetric `[n][n]` matrix, of which what is above the diagonal is not read; `None` if it is not positive definite.
 fn cholesky(matrix: &[f32], n: usize) -> Option<Mat<f32>> {
     let mut l = Mat::zeros(n, n);
     l.copy_from_triangular_lower(MatRef::from_row_major_slice(matrix, n, n));
