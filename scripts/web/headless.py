@@ -235,8 +235,12 @@ def use(browser, out):
             sys.exit(f"headless: the viewer does not tell of the loss: {last['notice']}")
         if loss == 1:
             last = until("and all bounces arrive", lambda last: last["still"])
-            if browser.screenshot(**area) != before:
-                sys.exit("headless: the picture on a new device is another one")
+            after = browser.screenshot(**area)
+            if after != before:
+                for name, picture in (("before", before), ("after", after)):
+                    with open(f"{out}.{name}.png", "wb") as file:
+                        file.write(picture)
+                sys.exit(f"headless: the picture on a new device is another one: {out}.before.png, {out}.after.png")
         else:
             last = until("and goes on", lambda last: last["gathers"] >= 4)
     browser.lose_device()

@@ -59,6 +59,11 @@ impl Meter {
         true
     }
 
+    /// Whether none is on its way.
+    pub fn is_idle(&self) -> bool {
+        self.state.load(Ordering::Acquire) == IDLE
+    }
+
     /// Call once per frame after submitting: the exposure value of a picture measured before, once it has arrived.
     pub fn take(&mut self) -> Option<f32> {
         let staging = self.staging.as_ref()?;

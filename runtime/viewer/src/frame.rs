@@ -35,8 +35,8 @@ const SMALLEST_SHADOW_MAP: u32 = 256;
 const SHADOW_BYTES: u64 = 512 << 20;
 /// Room for lights to be added before everything has to be set up again: a point light.
 const SPARE_LAYERS: u32 = 6;
-/// Frames after a start at which the exposure is measured again: light is still arriving.
-const METERED_FRAMES: [u64; 6] = [1, 2, 4, 8, 16, 32];
+/// Frames after a start at which the exposure is measured again: light is still arriving, and has after the last of them.
+const METERED_FRAMES: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 /// Everything on the GPU that the pictures of one open bake need.
 pub struct Renderer {
@@ -50,7 +50,10 @@ pub struct Renderer {
     shadow_layers: u32,
     /// Exposure value in force.
     ev: f32,
+    /// A measurement is due, and waits for the one before it if that is on its way.
     must_meter: bool,
+    /// The exposure has come after the picture.
+    is_behind: bool,
     /// Frames since the light was reset.
     frames: u64,
     legend: Option<Legend>,
@@ -95,6 +98,7 @@ impl Renderer {
             shadow_layers: direct.shadow_layers,
             ev: 0.0,
             must_meter: true,
+            is_behind: false,
             frames: 0,
             legend: None,
             times: Vec::new(),
@@ -133,6 +137,11 @@ impl Renderer {
         self.must_meter = true;
     }
 
+    /// Whether one more frame of the same would have the same exposure.
+    pub fn is_metered(&self, look: &Look) -> bool {
+        !is_auto(look) || !(self.is_behind || self.must_meter) && self.meter.is_idle()
+    }
+
     /// One frame into the target: gathers light, draws, develops.
     ///
     /// # Errors
@@ -165,8 +174,10 @@ impl Renderer {
         if let Some(timestamps) = &mut self.timestamps {
             timestamps.begin_frame();
         }
-        let is_auto = state.look.exposure.is_none() && !state.look.view.is_map();
-        let meters = is_auto && (self.must_meter || METERED_FRAMES.contains(&self.frames));
+        self.is_behind = false;
+        let is_auto = is_auto(&state.look);
+        self.must_meter |= is_auto && METERED_FRAMES.contains(&self.frames);
+        let meters = is_auto && self.must_meter;
         let has_overlays = !lines.is_empty() || state.overlays.probes;
         if meters && has_overlays {
             // The light of the scene counts, and not what is drawn over it.
@@ -183,6 +194,7 @@ impl Renderer {
         }
         gpu.queue.submit([encoder.finish()]);
         if let Some(ev) = self.meter.take() {
+            self.is_behind = ev != self.ev;
             self.ev = ev;
         }
         self.collect_times();
@@ -231,7 +243,7 @@ impl Renderer {
     #[cfg(not(target_arch = "wasm32"))]
     pub fn read_picture(&mut self, gpu: &Gpu, bake: &OpenBake<'_>, state: &ViewState) -> Result<Vec<u8>, CommandError> {
         let (device, queue) = (&gpu.device, &gpu.queue);
-        if state.look.exposure.is_none() && !state.look.view.is_map() {
+        if is_auto(&state.look) {
             let mut encoder = device.create_command_encoder(&Default::default());
             self.draw_scene(gpu, bake, state, false, &mut encoder)?;
             queue.submit([encoder.finish()]);
@@ -372,6 +384,11 @@ fn split(state: &ViewState) -> Option<f32> {
 /// Whether an open bake can show a view.
 ///
 /// # Errors
+/// Whether the exposure is measured.
+fn is_auto(look: &Look) -> bool {
+    look.exposure.is_none() && !look.view.is_map()
+}
+
 /// The error view without a reference that `validate` left beside the file.
 pub fn check_view(bake: &OpenBake<'_>, view: ViewKind) -> Result<(), CommandError> {
     if view != ViewKind::Error || bake.files.reference.is_some() {

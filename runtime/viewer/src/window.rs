@@ -352,7 +352,7 @@ impl<'a> Host<'a> {
         shown.last.at = Instant::now();
         self.app.advance(seconds);
         self.app.ev = shown.renderer.ev(&self.app.state.look);
-        let is_still = shown.last.unchanged >= STILL_FRAMES;
+        let is_still = shown.last.unchanged >= STILL_FRAMES && shown.renderer.is_metered(&self.app.state.look);
         let memory = shown.renderer.memory();
         let figures = Figures {
             device: &shown.gpu.name(),
@@ -443,6 +443,11 @@ impl<'a> Host<'a> {
 }
 
 impl Shown {
+    /// Whether the next picture would be the last one again.
+    fn rests(&self, state: &ViewState) -> bool {
+        self.last.unchanged > STILL_FRAMES && self.renderer.is_metered(&state.look)
+    }
+
     /// The picture, unless it would be the last one again.
     fn draw(&mut self, app: &mut App<'_>, beneath: &mut Beneath, size: (u32, u32)) -> Result<(), CommandError> {
         let stage = app.stage();
@@ -462,7 +467,7 @@ impl Shown {
         if let Some((light, _)) = &app.other {
             self.renderer.set_other(&self.gpu, light);
         }
-        if self.last.unchanged > STILL_FRAMES {
+        if self.rests(&app.state) {
             return Ok(());
         }
         if !is_same {
@@ -559,7 +564,7 @@ impl ApplicationHandler for Host<'_> {
         } else if shown.screen.is_out_of_sight() {
             event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + OUT_OF_SIGHT));
             shown.screen.window().request_redraw();
-        } else if shown.last.unchanged > STILL_FRAMES && self.options.screenshot.is_none() {
+        } else if shown.rests(&self.app.state) && self.options.screenshot.is_none() {
             // Looks after the device now and then, so that a loss does not wait for the user.
             let _ = shown.gpu.device.poll(wgpu::PollType::Poll);
             let now = Instant::now();
