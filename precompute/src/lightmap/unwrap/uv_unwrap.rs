@@ -38,7 +38,7 @@ impl Unwrapper for UvUnwrap {
             packing: Packing::Fast,
             ..Options::default()
         };
-        let atlas = generate(&meshes, &options, progress).map_err(failure)?;
+        let atlas = in_zeroed_memory(|| generate(&meshes, &options, progress)).map_err(failure)?;
         Ok(Unwrapped { corners: corners(&atlas) })
     }
 }
@@ -205,6 +205,29 @@ fn generate(meshes: &[MeshInput], options: &Options, progress: Progress) -> Resu
         progress(doing, state.done, state.total.unwrap_or(0))
     };
     uvunwrap::generate_with_progress(meshes, options, told)
+}
+
+/// Runs with memory that is zero when it is allocated. The factorization by which charts are flattened (faer 0.22, its AMD ordering) reads
+/// some that it has not written: what others have left there is another order of the unknowns, or an index out of bounds.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn in_zeroed_memory<T>(work: impl FnOnce() -> T) -> T {
+    use nix::libc::{M_PERTURB, mallopt};
+    let fill = |complement| {
+        #[expect(unsafe_code, reason = "sets a byte of the allocator")]
+        // SAFETY: mallopt takes no pointers; what other threads allocate meanwhile is filled too, or not.
+        unsafe {
+            mallopt(M_PERTURB, complement);
+        }
+    };
+    fill(0xff);
+    let done = work();
+    fill(0);
+    done
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn in_zeroed_memory<T>(work: impl FnOnce() -> T) -> T {
+    work()
 }
 
 fn failure(error: Error) -> UnwrapError {

@@ -111,6 +111,23 @@ struct Told {
     objects: Vec<Object>,
 }
 
+impl Told {
+    /// What an application would tell its system of a change to this.
+    fn events(&self, lighting: &Lighting, objects: &[Object]) -> Vec<Event> {
+        let before = &self.lighting;
+        let is_large = before.sky != lighting.sky
+            || before.materials != lighting.materials
+            || before.albedo_override != lighting.albedo_override;
+        // What goes its way step by step is where its box was.
+        let is_elsewhere = self.objects.len() != objects.len()
+            || self.objects.iter().zip(objects).any(|(before, now)| !before.meets(now));
+        let large = is_large.then_some(Event::LargeLight);
+        let small = (before.lights != lighting.lights).then_some(Event::SmallLight);
+        let object = is_elsewhere.then_some(Event::LargeObject);
+        large.into_iter().chain(small).chain(object).collect()
+    }
+}
+
 /// A system on the file's scene, with as many probes as the file has.
 pub struct Engine<'a> {
     caster: &'a RayCaster<'a>,
@@ -147,11 +164,15 @@ impl<'a> Engine<'a> {
         let cameras = std::slice::from_ref(&moment.camera);
         let setup = Setup { probes: receivers.probes, cameras, seed: SEED };
         let system = system.get_or_insert_with(|| chosen.prepare(caster, &moment.lighting, &setup));
-        let told =
-            Told { lighting: moment.lighting.clone(), objects: moved(world.caster().scene(), still.meshes.len()) };
-        system.set_moving(&told.objects);
-        let events = last.as_ref().map_or(Vec::new(), |last| events(last, &told));
-        *last = Some(told);
+        let objects = moved(world.caster().scene(), still.meshes.len());
+        system.set_moving(&objects);
+        let events = last.as_ref().map_or(Vec::new(), |last| last.events(&moment.lighting, &objects));
+        // Lightings may have large skies: they are copied as they change.
+        let lighting = match last.take() {
+            Some(last) if events.iter().all(|&event| event == Event::LargeObject) => last.lighting,
+            _ => moment.lighting.clone(),
+        };
+        *last = Some(Told { lighting, objects });
         let feedback = if moment.is_first_bounce { Feedback::Nothing } else { Feedback::Own };
         let camera = Some(&moment.camera);
         let frame = Frame { world: &world, number: *updates, camera, feedback, events: &events, still: false };
@@ -171,21 +192,6 @@ impl<'a> Engine<'a> {
         };
         Found { light, figures }
     }
-}
-
-/// What an application would tell its system of a change of light.
-fn events(last: &Told, now: &Told) -> Vec<Event> {
-    let (before, after) = (&last.lighting, &now.lighting);
-    let is_large = before.sky != after.sky
-        || before.materials != after.materials
-        || before.albedo_override != after.albedo_override;
-    // What goes its way step by step is where its box was.
-    let is_elsewhere = last.objects.len() != now.objects.len()
-        || last.objects.iter().zip(&now.objects).any(|(before, after)| !before.meets(after));
-    let large = is_large.then_some(Event::LargeLight);
-    let small = (before.lights != after.lights).then_some(Event::SmallLight);
-    let object = is_elsewhere.then_some(Event::LargeObject);
-    large.into_iter().chain(small).chain(object).collect()
 }
 
 /// Whether probes fit into a buffer of every device.
@@ -246,6 +252,7 @@ mod tests {
     #[test]
     fn a_system_is_told_of_what_changed_as_an_application_would() {
         let told = |lighting: Lighting, objects: &[Object]| Told { lighting, objects: objects.to_vec() };
+        let events = |before: &Told, now: &Told| before.events(&now.lighting, &now.objects);
         let lamp = Light {
             name: String::new(),
             kind: LightKind::Point,
