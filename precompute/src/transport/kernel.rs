@@ -1,8 +1,8 @@
 //! The transport kernel K_ij of Eq. (4), summed over the gather rays of one receiver.
 
 use super::{
-    GatherRay, TransportScene,
-    found::{Found, OutputSums},
+    GatherPart, GatherRay, LeafFit, TransportScene,
+    found::{Found, OutputSums, Surface},
     gather::SKY_TIMES,
     near::{NearHit, Node},
     openings::Openings,
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     emitters::SAME_POINT,
-    rays::{FacePoint, OccluderHint, SurfaceHit},
+    rays::{OccluderHint, SurfaceHit},
 };
 use glam::Vec3;
 use localprt_formats::{
@@ -35,6 +35,8 @@ pub(super) struct Workspace {
     pub traced: Traced,
     near: Vec<NearHit>,
     rays: Vec<Ray>,
+    /// Directions of gather rays that meet nothing.
+    escaped: Vec<Vec3>,
     weights: Vec<f32>,
     visible: Vec<(u32, Vec3)>,
     hints: Vec<OccluderHint>,
@@ -60,13 +62,16 @@ struct Ray {
     /// With the shading normal.
     cosine: f32,
     hit: SurfaceHit,
-    point: FacePoint,
+    /// What a fit knows of it, if there is one.
+    surface: Option<Surface>,
     /// Share of its light that it brings, where emitters are sampled too.
     brings: f32,
     /// Share of its light that is read from the light map.
     linked: f32,
     /// It was sent to a point of what emits.
     to_emitter: bool,
+    /// It is of the first half of the first level.
+    first_half: bool,
     /// It is looked up in all probes; of another one it is enough to know that one sees what it meets.
     looked_up: bool,
 }
@@ -91,13 +96,34 @@ pub(super) enum LookUps {
     All,
 }
 
+/// How the rays of a receiver are chosen.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sampling<'a> {
+    /// More rays look for the sky, where they may see it; absent: gather rays do.
+    pub openings: Option<&'a Openings>,
+    /// When there are enough gather rays.
+    pub enough: Enough<'a>,
+}
+
+/// When there are enough gather rays.
+#[derive(Clone, Copy, Default)]
+pub(super) enum Enough<'a> {
+    /// After the last level.
+    #[default]
+    All,
+    /// After the first.
+    First,
+    /// Once their sums over the light that `fit` expects are off by less than `tolerance`, `[n_k]`, squared.
+    Within { fit: &'a LeafFit, tolerance: &'a [f32] },
+}
+
 /// Fills `workspace.outputs` with the rows of one receiver. Returns the cosine-weighted share of directions whose surface neither
 /// a supporting probe sees nor a link reads; in the open, the plain share.
 pub(super) fn receiver_rows(
     scene: &TransportScene<'_>,
     receiver: usize,
     look_ups: LookUps,
-    openings: Option<&Openings>,
+    sampling: Sampling<'_>,
     workspace: &mut Workspace,
 ) -> f32 {
     let all_looked_up = look_ups == LookUps::All || scene.fit.is_none();
@@ -129,31 +155,56 @@ pub(super) fn receiver_rows(
     workspace.hints.resize(support.len(), OccluderHint::default());
     workspace.found.clear(support.len(), n_k);
     let mut surfaces = 0.0;
-    let mut openings = openings.cloned();
-    // What the rays meet.
+    let openings = sampling.openings.map(|openings| openings.of_receiver(receiver as u32));
+    // What the rays meet, level by level until they are enough.
     workspace.rays.clear();
-    for GatherRay { origin, dir, cosine, looked_up, .. } in gather.rays(sites, caster.offset_m()) {
-        let Some(hit) = workspace.traced.closest_hit(caster, origin, dir) else {
-            if let Some(openings) = &mut openings {
-                openings.show(dir);
+    workspace.escaped.clear();
+    let mut level = 0;
+    let gathered = loop {
+        let before = workspace.rays.len();
+        for GatherRay { origin, dir, cosine, looked_up, first_half } in
+            gather.rays_of_level(level, sites, caster.offset_m())
+        {
+            let Some(hit) = workspace.traced.closest_hit(caster, origin, dir) else {
+                workspace.escaped.push(dir);
                 continue;
+            };
+            // The back of a one-sided surface is black.
+            let Some(point) = hit.point else { continue };
+            let surface = scene.fit.map(|fit| fit.surface(caster, &point));
+            let ray =
+                Ray { dir, cosine, hit, surface, brings: 1.0, linked: 0.0, to_emitter: false, first_half, looked_up };
+            workspace.rays.push(ray);
+        }
+        let part = gather.up_to(level);
+        if let Some(fit) = scene.fit {
+            for ray in &mut workspace.rays {
+                ray.brings = fit.share_of_gather(&ray.hit, ray.dir, part.density(ray.cosine));
             }
-            gather.weights(dir, &functions, &mut workspace.weights);
-            workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
-            continue;
-        };
-        // The back of a one-sided surface is black.
-        let Some(point) = hit.point else { continue };
-        let brings = scene.fit.map_or(1.0, |fit| fit.share_of_gather(&hit, dir, gather.density(cosine)));
-        let looked_up = looked_up || all_looked_up;
-        workspace.rays.push(Ray { dir, cosine, hit, point, brings, linked: 0.0, to_emitter: false, looked_up });
+        }
+        level += 1;
+        if level == gather.n_levels() || sampling.enough.is_reached(&workspace.rays, before, part, &functions) {
+            break part;
+        }
+    };
+    if all_looked_up {
+        workspace.rays.iter_mut().for_each(|ray| ray.looked_up = true);
     }
-    if let Some(openings) = &openings {
-        let mut hint = OccluderHint::default();
-        for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m()) {
-            if openings.may_show(dir) && workspace.traced.escapes(caster, origin, dir, &mut hint) {
-                gather.weights(dir, &functions, &mut workspace.weights);
-                workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
+    match openings {
+        None => {
+            for &dir in &workspace.escaped {
+                gathered.weights(dir, &functions, &mut workspace.weights);
+                workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
+            }
+        }
+        Some(openings) => {
+            let mut hint = OccluderHint::default();
+            for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m(), [0, 1]) {
+                let look = || workspace.traced.escapes(caster, origin, dir, &mut hint);
+                if openings.is_sky(dir).unwrap_or_else(look) {
+                    gather.all().weights(dir, &functions, &mut workspace.weights);
+                    workspace.sky.push(dir, 1.0 / SKY_TIMES as f32, &workspace.weights, scene.sky_basis);
+                }
             }
         }
     }
@@ -164,7 +215,7 @@ pub(super) fn receiver_rows(
             let way = sample.1 - start.origin;
             let dir = way.normalize_or_zero();
             let cosine = start.cosine(dir);
-            let density = gather.density(cosine);
+            let density = gathered.density(cosine);
             if density <= 0.0 || !start.is_above(dir) {
                 continue;
             }
@@ -177,19 +228,21 @@ pub(super) fn receiver_rows(
                 dir,
                 cosine,
                 hit,
-                point,
+                surface: Some(fit.surface(caster, &point)),
                 brings,
                 linked: 0.0,
                 to_emitter: true,
+                first_half: false,
                 looked_up: false,
             });
         }
     }
     let mut look = LookUp {
         scene,
+        gathered,
         functions: &functions,
         probes: &probes,
-        stands_for: if all_looked_up { 1.0 } else { gather.rays_per_look_up() },
+        stands_for: if all_looked_up { 1.0 } else { gathered.rays_per_look_up() },
         saw_last: 0,
         unseen: 0.0,
     };
@@ -233,7 +286,7 @@ pub(super) fn receiver_rows(
             let sums = links.add(of_node.node, of_node.gain, n_k);
             for hit in &hits[of_node.hits] {
                 let ray = &all[hit.ray as usize];
-                gather.weights(ray.dir, &functions, weights);
+                gathered.weights(ray.dir, &functions, weights);
                 sums.iter_mut().zip(&*weights).for_each(|(sum, weight)| *sum += ray.linked * ray.brings * weight);
             }
         }
@@ -271,9 +324,33 @@ pub(super) fn receiver_rows(
     unseen.clamp(0.0, 1.0) as f32
 }
 
+impl Enough<'_> {
+    /// Whether the rays of some levels are enough: those up to `before` of the levels before the last, and the others of that. The
+    /// halves of the first level are held against each other.
+    fn is_reached(self, rays: &[Ray], before: usize, part: GatherPart<'_>, functions: &OutputFunctions) -> bool {
+        let (fit, tolerance) = match self {
+            Self::All => return false,
+            Self::First => return true,
+            Self::Within { fit, tolerance } => (fit, tolerance),
+        };
+        let mut weights = vec![0.0; tolerance.len()];
+        let mut differences = fit.mode_sums(tolerance.len());
+        for (index, ray) in rays.iter().enumerate() {
+            let Some(surface) = ray.surface else { continue };
+            part.weights(ray.dir, functions, &mut weights);
+            let is_first = if before == 0 { ray.first_half } else { index < before };
+            let side = if is_first { 1.0 } else { -1.0 };
+            weights.iter_mut().for_each(|weight| *weight *= side * ray.brings);
+            differences.add(ray.hit.position, ray.hit.normal, surface, &weights);
+        }
+        differences.variances().zip(tolerance).all(|(found, allowed)| found <= *allowed)
+    }
+}
+
 /// How what a ray meets is looked up in the probes.
 struct LookUp<'a> {
     scene: &'a TransportScene<'a>,
+    gathered: GatherPart<'a>,
     functions: &'a OutputFunctions,
     /// Place and weight kernel of each supporting probe.
     probes: &'a [(Vec3, f32)],
@@ -288,7 +365,7 @@ struct LookUp<'a> {
 impl LookUp<'_> {
     /// Share of the cosine-weighted hemisphere that a ray stands for.
     fn share(&self, ray: &Ray) -> f32 {
-        self.scene.gather.cosine_share(ray.cosine.max(0.0))
+        self.gathered.cosine_share(ray.cosine.max(0.0))
     }
 
     /// Adds `part` of a ray to the row by Eq. (4), and to what the fit needs. Returns whether a probe sees what it meets; what
@@ -297,7 +374,7 @@ impl LookUp<'_> {
         let Self { scene, probes, .. } = *self;
         let caster = scene.caster;
         let share = part * self.share(ray);
-        let Ray { dir, hit, point, brings, to_emitter, looked_up, .. } = *ray;
+        let Ray { dir, hit, surface, brings, to_emitter, looked_up, .. } = *ray;
         // V_i: the probe sees that side of that point.
         let seen_point = hit.position + hit.normal * caster.offset_m();
         workspace.visible.clear();
@@ -322,10 +399,9 @@ impl LookUp<'_> {
         if !is_seen && !is_last {
             return false;
         }
-        scene.gather.weights(dir, self.functions, &mut workspace.weights);
+        self.gathered.weights(dir, self.functions, &mut workspace.weights);
         workspace.weights.iter_mut().for_each(|weight| *weight *= part);
-        if let Some(fit) = scene.fit {
-            let surface = fit.surface(caster, &point);
+        if let (Some(fit), Some(surface)) = (scene.fit, surface) {
             if is_seen {
                 workspace.found.add(&hit, surface, &workspace.weights, brings);
             } else if !surface.glows {

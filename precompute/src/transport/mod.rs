@@ -21,9 +21,9 @@ mod traced;
 
 pub use digests::CellContents;
 pub use fit::{FitConstants, FitPrior, FitScene, LeafFit};
-pub use gather::{Domain, GatherRay, GatherSet};
+pub use gather::{Domain, GatherPart, GatherRay, GatherSet};
 pub use kernel::Links;
-use kernel::LookUps;
+use kernel::{Enough, LookUps, Sampling};
 pub use near::{NearField, Node};
 use openings::Openings;
 pub use outputs::OutputFunctions;
@@ -70,9 +70,16 @@ pub struct TransportLeaf {
     fit: Option<LeafFit>,
     /// Where more rays look for the sky; `None` for the paper's rows.
     openings: Option<Openings>,
-    /// Rays that looked for them.
+    /// `[n_k]` what gather rays may be off by, squared, in the light that the fit expects; empty: all rays are traced.
+    tolerance: Vec<f32>,
+    /// Rays that looked for all this.
     traced: Traced,
 }
+
+/// Receivers of a leaf whose rows are fitted with all rays, to know what is left of errors there.
+const PILOTS: usize = 8;
+/// What too few gather rays may add to the variance that the fit leaves (F4), as a share of it.
+const SAMPLING_SHARE: f32 = 0.5;
 
 /// Transport rows of some receivers.
 #[derive(Clone, Debug, Default)]
@@ -171,14 +178,43 @@ impl TransportScene<'_> {
         let fit = self.fit.map(leaf_fit).transpose()?;
         let mut traced = Traced::new(self.cells);
         let openings = fit.as_ref().and_then(|_| Openings::of(self, members, &mut traced));
-        Ok(TransportLeaf { probes, fit, openings, traced })
+        let mut leaf = TransportLeaf { probes, fit, openings, tolerance: Vec::new(), traced };
+        leaf.tolerance = self.tolerance(&mut leaf, members);
+        Ok(leaf)
+    }
+
+    /// What gather rays of a leaf may be off by.
+    fn tolerance(&self, leaf: &mut TransportLeaf, members: &[u32]) -> Vec<f32> {
+        let Some(fit) = leaf.fit.as_ref().filter(|_| self.gather.n_levels() > 1) else { return Vec::new() };
+        let mut workspace = kernel::Workspace::after(std::mem::take(&mut leaf.traced));
+        let count = members.len().min(PILOTS);
+        let mut found: Vec<Vec<f32>> = Vec::with_capacity(count);
+        for index in 0..count {
+            let member = members[(2 * index + 1) * members.len() / (2 * count)];
+            kernel::receiver_rows(self, member as usize, LookUps::Few, leaf.sampling(), &mut workspace);
+            let support = self.support.of(member as usize);
+            let correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
+            if correction.is_made {
+                found.push(correction.variance);
+            }
+        }
+        leaf.traced = workspace.traced;
+        let median = |k: usize| {
+            let mut of_output: Vec<f32> = found.iter().map(|variance| variance[k]).collect();
+            of_output.sort_unstable_by(f32::total_cmp);
+            of_output[of_output.len() / 2]
+        };
+        match found.is_empty() {
+            true => Vec::new(),
+            false => (0..self.gather.n_outputs()).map(|k| SAMPLING_SHARE * median(k)).collect(),
+        }
     }
 
     /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.
     pub fn linked(&self, receiver: u32) -> Vec<(Vec3, f32)> {
         let mut workspace = kernel::Workspace::default();
         if self.near.is_some() {
-            kernel::receiver_rows(self, receiver as usize, LookUps::Few, None, &mut workspace);
+            kernel::receiver_rows(self, receiver as usize, LookUps::Few, Sampling::default(), &mut workspace);
         }
         workspace.linked().collect()
     }
@@ -201,15 +237,16 @@ impl TransportScene<'_> {
         let mut variance = Vec::new();
         let mut links = Vec::new();
         let mut workspace = kernel::Workspace::after(leaf.traced.clone());
-        let openings = leaf.openings.as_ref();
+        let sampling = leaf.sampling();
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let support = self.support.of(member as usize);
-            let mut of_receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, openings, &mut workspace);
+            let mut of_receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, sampling, &mut workspace);
             if let (Some(fit), Some(_)) = (&leaf.fit, self.fit) {
                 let mut correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 if !correction.is_made {
                     // Nothing takes out what few rays got wrong.
-                    of_receiver = kernel::receiver_rows(self, member as usize, LookUps::All, openings, &mut workspace);
+                    let sampling = Sampling { enough: Enough::All, ..sampling };
+                    of_receiver = kernel::receiver_rows(self, member as usize, LookUps::All, sampling, &mut workspace);
                     correction = fit.correct(support, &workspace.found, &mut workspace.outputs);
                 }
                 variance.extend(correction.variance);
@@ -230,5 +267,16 @@ impl TransportScene<'_> {
         let Traced { counts: rays, crossed } = workspace.traced;
         let crossed = crossed.map(|crossed| crossed.cells());
         TransportRows { probes, n_columns, n_k, rows, unseen, variance, metric: None, links, rays, crossed }
+    }
+}
+
+impl TransportLeaf {
+    /// How the rays of its receivers are chosen.
+    fn sampling(&self) -> Sampling<'_> {
+        let enough = match &self.fit {
+            Some(fit) if !self.tolerance.is_empty() => Enough::Within { fit, tolerance: &self.tolerance },
+            _ => Enough::All,
+        };
+        Sampling { openings: self.openings.as_ref(), enough }
     }
 }

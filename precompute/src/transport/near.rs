@@ -21,7 +21,7 @@
 use super::{
     TransportScene,
     digests::texels_around,
-    kernel::{self, LookUps},
+    kernel::{self, Enough, LookUps, Sampling},
 };
 use crate::{
     digest::Digester,
@@ -124,18 +124,27 @@ impl NearField {
     pub fn within(self, bytes: f32, scene: &TransportScene<'_>) -> Self {
         let n_receivers = scene.receivers.positions().len();
         let count = (n_receivers / SAMPLED_ONE_IN).clamp(LEAST_SAMPLE, SAMPLE).min(n_receivers);
-        let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
-        let of_receiver = |index: usize| {
-            let mut workspace = kernel::Workspace::default();
-            kernel::receiver_rows(&scene, index * n_receivers / count, LookUps::Few, None, &mut workspace);
-            workspace.links.gains
-        };
-        let mut gains: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();
-        gains.sort_unstable_by(|a, b| b.total_cmp(a));
         let of_link = 1.0 + scene.gather.n_outputs() as f32 + 4.0 * NODES_PER_LINK;
         let of_receiver = 1.0 + size_of::<NearTile>() as f32 / NEAR_TILE as f32;
-        let links = (bytes - of_receiver).max(0.0) / of_link * count as f32;
-        let least = gains.get(links as usize).map_or(LEAST, |gain| gain.next_up().max(LEAST));
+        let links = ((bytes - of_receiver).max(0.0) / of_link * count as f32) as usize;
+        if links == 0 {
+            return Self { least: f32::MAX, ..self };
+        }
+        // A fitted row may do with the first rays, of which each is worth more: bytes have to be enough either way.
+        let ways: &[Enough<'_>] = if scene.fit.is_some() { &[Enough::All, Enough::First] } else { &[Enough::All] };
+        let scene = TransportScene { near: Some(&self), fit: None, ..*scene };
+        let least = |&enough: &Enough<'_>| {
+            let sampling = Sampling { enough, ..Sampling::default() };
+            let of_receiver = |index: usize| {
+                let mut workspace = kernel::Workspace::default();
+                kernel::receiver_rows(&scene, index * n_receivers / count, LookUps::Few, sampling, &mut workspace);
+                workspace.links.gains
+            };
+            let mut gains: Vec<f32> = (0..count).into_par_iter().flat_map_iter(of_receiver).collect();
+            gains.sort_unstable_by(|a, b| b.total_cmp(a));
+            gains.get(links).map_or(LEAST, |gain| gain.next_up().max(LEAST))
+        };
+        let least = ways.iter().map(least).fold(LEAST, f32::max);
         Self { least, ..self }
     }
 

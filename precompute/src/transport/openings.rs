@@ -1,9 +1,9 @@
-//! Openings to the sky as the receivers of a leaf see them: where a single receiver's rays are too few.
+//! Openings to the sky as receivers see them: where a single receiver's rays are too few.
 //!
 //! A window that fills a hundredth of the view gets 5 rays of 512, and under a gray sky that is most of the noise. So the sky columns are
-//! sums over a lattice [`SKY_TIMES`](super::gather::SKY_TIMES) times as fine, whose rays need to know no more than whether they escape, and which are
-//! traced only in directions in which receivers of the leaf, or gather rays of the receiver itself, see the sky. Where nothing stands
-//! before the sky, gather rays are enough.
+//! sums over a lattice [`SKY_TIMES`](super::gather::SKY_TIMES) times as fine, whose rays need to know no more than whether they escape.
+//! Most of them need not be traced: neighbors that face the same way look in a part of the directions each, and where all that they saw
+//! around a direction was sky, or none of it was, so is the rest. What is left are the borders of what they see the sky through.
 
 use super::{TransportScene, traced::Traced};
 use crate::rays::OccluderHint;
@@ -11,56 +11,104 @@ use glam::Vec3;
 
 /// Cells per side of an octahedron unfolded to a square.
 const SIDE: usize = 32;
-/// Receivers that look, at most.
-const LOOKING: usize = 128;
-/// Receivers that look in each direction of the finer lattice, at least: of many each looks in a part of them, others in others.
-const LOOKS: usize = 16;
-/// Sky is no opening any more if there is some in more than this share of the directions that were looked in.
-const MOST_SKY: f32 = 0.9;
+const CELLS: usize = SIDE * SIDE;
+/// Receivers that share what they see: so many that face the same way and follow each other in a leaf, or fewer.
+const GROUP: usize = 32;
+/// Of the lattice the first of a group looks in one in so many directions; where the firsts see no sky there is none.
+const FIRST_ONE_IN: u32 = 2;
+/// The same of the others, each in directions of its own. A part of a Fibonacci lattice is a lattice as good as the multiple of the golden
+/// ratio is hard to approximate; of 16, say, directions lie on nine arms.
+const ONE_IN: u32 = 15;
+/// Rays that have to agree around a direction.
+const LEAST_RAYS: u32 = 8;
 
-/// Directions in which receivers of a leaf see the sky through openings.
+/// Directions in which the receivers of a leaf see the sky through openings.
 #[derive(Clone, Debug)]
 pub(super) struct Openings {
-    /// `[SIDE * SIDE]`.
-    has_sky: Vec<bool>,
+    /// `[n_members]` receivers, rising, and the group of each.
+    groups: Vec<(u32, u32)>,
+    /// `[n_groups][CELLS]` whether there is sky; `None` where that is not known.
+    is_sky: Vec<Option<bool>>,
 }
 
 impl Openings {
-    /// Of a leaf's receivers; `None` where there are none, or the sky is wide open.
+    /// Of a leaf's receivers; `None` if they see no sky.
     pub fn of(scene: &TransportScene<'_>, members: &[u32], traced: &mut Traced) -> Option<Self> {
-        let (mut is_seen, mut has_sky) = (vec![false; SIDE * SIDE], vec![false; SIDE * SIDE]);
-        let looking = members.len().min(LOOKING);
-        let one_in = (looking / LOOKS).max(1);
-        for index in 0..looking {
-            let member = members[index * members.len() / looking] as usize;
+        let groups = groups(scene, members);
+        // Rays that met a surface, and those that met none.
+        let mut counts = vec![[0u32; 2]; groups.len() * CELLS];
+        let mut look = |group: usize, number: usize, one_in: u32| {
+            let sites = scene.receivers.sites(groups[group][number] as usize);
+            let counts = &mut counts[group * CELLS..][..CELLS];
             let mut hint = OccluderHint::default();
-            for ray in scene
-                .gather
-                .rays_to_sky(scene.receivers.sites(member), scene.caster.offset_m())
-                .skip(index % one_in)
-                .step_by(one_in)
-            {
-                let cell = cell(ray.dir);
-                is_seen[cell] = true;
-                has_sky[cell] |= traced.escapes(scene.caster, ray.origin, ray.dir, &mut hint);
+            let mut sees_sky = false;
+            for ray in scene.gather.rays_to_sky(sites, scene.caster.offset_m(), [number as u32, one_in]) {
+                let escapes = traced.escapes(scene.caster, ray.origin, ray.dir, &mut hint);
+                counts[cell(ray.dir)][usize::from(escapes)] += 1;
+                sees_sky |= escapes;
             }
+            sees_sky
+        };
+        // All of them look: what they see counts for their groups.
+        let see_sky = (0..groups.len()).filter(|&group| look(group, 0, FIRST_ONE_IN)).count();
+        if see_sky == 0 {
+            return None;
         }
-        let count = |of: &[bool]| of.iter().filter(|&&is| is).count() as f32;
-        let (sky, all) = (count(&has_sky), count(&is_seen));
-        // Where nobody has looked there may be some.
-        let has_sky = has_sky.into_iter().zip(is_seen).map(|(sky, is_seen)| sky || !is_seen).collect();
-        (sky > 0.0 && sky <= MOST_SKY * all).then_some(Self { has_sky })
+        for (group, members) in groups.iter().enumerate() {
+            (1..members.len()).for_each(|number| {
+                look(group, number, ONE_IN);
+            });
+        }
+        let known = |counts: &[[u32; 2]], at: usize| {
+            let (x, y) = ((at % SIDE) as i32, (at / SIDE) as i32);
+            let around = (-1..=1).flat_map(|down| (-1..=1).map(move |right| beside(x + right, y + down)));
+            let [met, escaped] =
+                around.fold([0, 0], |sums, cell| [sums[0] + counts[cell][0], sums[1] + counts[cell][1]]);
+            match (met, escaped) {
+                (LEAST_RAYS.., 0) => Some(false),
+                (0, LEAST_RAYS..) => Some(true),
+                _ => None,
+            }
+        };
+        let is_sky = counts.chunks_exact(CELLS).flat_map(|counts| (0..CELLS).map(|at| known(counts, at))).collect();
+        let of_group = |(group, members): (usize, &Vec<u32>)| {
+            members.iter().map(move |&member| (member, group as u32)).collect::<Vec<_>>()
+        };
+        let mut groups: Vec<(u32, u32)> = groups.iter().enumerate().flat_map(of_group).collect();
+        groups.sort_unstable();
+        Some(Self { groups, is_sky })
     }
 
-    /// Whether there may be sky in about this direction.
-    pub fn may_show(&self, dir: Vec3) -> bool {
-        self.has_sky[cell(dir)]
+    /// What a receiver of the leaf sees.
+    ///
+    /// # Panics
+    /// If it is none of the leaf.
+    pub fn of_receiver(&self, receiver: u32) -> View<'_> {
+        let at = self.groups.binary_search_by_key(&receiver, |of| of.0).expect("receiver is in the leaf");
+        View(&self.is_sky[self.groups[at].1 as usize * CELLS..][..CELLS])
     }
+}
 
-    /// Takes in that there is sky in this direction.
-    pub fn show(&mut self, dir: Vec3) {
-        self.has_sky[cell(dir)] = true;
+/// Openings as one receiver sees them: `[CELLS]`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View<'a>(&'a [Option<bool>]);
+
+impl View<'_> {
+    /// Whether there is sky in a direction; `None` if a ray has to look.
+    pub fn is_sky(self, dir: Vec3) -> Option<bool> {
+        self.0[cell(dir)]
     }
+}
+
+/// Groups of a leaf's receivers.
+fn groups(scene: &TransportScene<'_>, members: &[u32]) -> Vec<Vec<u32>> {
+    let mut by_facing = vec![Vec::new(); 6];
+    for &member in members {
+        let normal = scene.receivers.normal(member as usize).unwrap_or_default();
+        let axis = normal.abs().max_position();
+        by_facing[2 * axis + usize::from(normal[axis] > 0.0)].push(member);
+    }
+    by_facing.iter().flat_map(|members: &Vec<u32>| members.chunks(GROUP).map(<[u32]>::to_vec)).collect()
 }
 
 fn cell(dir: Vec3) -> usize {
@@ -71,4 +119,39 @@ fn cell(dir: Vec3) -> usize {
     };
     let within = |place: f32| (((0.5 * place + 0.5) * SIDE as f32) as usize).min(SIDE - 1);
     within(z) * SIDE + within(x)
+}
+
+/// The cell of a place up to one cell beyond the square: beyond an edge lies the other half of that edge.
+fn beside(x: i32, y: i32) -> usize {
+    let last = SIDE as i32 - 1;
+    let is_out = |place: i32| !(0..=last).contains(&place);
+    let within = |place: i32| place.clamp(0, last) as usize;
+    let (x, y) = match (is_out(x), is_out(y)) {
+        (true, false) => (within(x), within(last - y)),
+        (false, true) => (within(last - x), within(y)),
+        (true, true) => (within(last - x), within(last - y)),
+        (false, false) => (within(x), within(y)),
+    };
+    y * SIDE + x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use localprt_formats::directions::spherical_fibonacci;
+
+    #[test]
+    fn cells_beside_a_cell_hold_the_directions_around() {
+        let directions: Vec<Vec3> = (0..20_000).map(|i| Vec3::from(spherical_fibonacci(i, 20_000))).collect();
+        let mut middle = vec![Vec3::ZERO; CELLS];
+        directions.iter().for_each(|&dir| middle[cell(dir)] += dir);
+        for at in 0..CELLS {
+            let (x, y) = ((at % SIDE) as i32, (at / SIDE) as i32);
+            for (right, down) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
+                let angle = middle[at].angle_between(middle[beside(x + right, y + down)]);
+                // An edge of 90 degrees has 32 cells, narrower ones at its ends; the largest are 1.7 times as wide.
+                assert!(angle > 0.01 && angle < 0.17, "{x}, {y}: {angle}");
+            }
+        }
+    }
 }

@@ -302,9 +302,63 @@ fn fitted_rows_know_a_small_opening_better_than_their_few_rays() {
         let errors: Vec<f32> = rows.rows.chunks_exact(rows.n_columns).zip(&floor).map(error).collect();
         (errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32).sqrt()
     });
+    // All of the borders of an opening has to be looked at, but not what lies between them.
+    let gather = GatherSet::new(256, 0, 0);
+    let rays = setup.with(&scene, &gather, [3, 0], true, |transport, members| {
+        transport.rows(&transport.leaf(members).expect("in memory"), members).rays.gather
+    });
+    let all = 40 * (256 + u64::from(gather::SKY_TIMES) * 256);
+    assert!(rays < all * 7 / 10, "{rays} of {all}");
     // Of four times as many rays a lattice is off by 4^-3/4 = 0.35 of what it is, for smooth borders; this one has corners.
     let [few, more] = errors;
     assert!(more < 0.6 * few && more < 0.1, "{few} {more}");
+}
+
+#[test]
+fn gather_rays_are_as_many_as_a_receiver_needs() {
+    // Walls of one color, and the same with posts before them that cut the view into pieces.
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let plain = room(half, None);
+    let mut posts = room(half, None);
+    for i in 0..40 {
+        let at = |axis: u64| counter_uniform(11, i, axis) as f32 * 1.8 - 0.9;
+        let mut post = room(Vec3::new(0.03, 1.5, 0.03), None).meshes.remove(0);
+        for (position, normal) in post.positions.iter_mut().zip(&mut post.normals) {
+            *position += Vec3::new(at(0), 0.0, at(1)) * half;
+            *normal = -*normal;
+        }
+        post.triangles.iter_mut().for_each(|[_, b, c]| std::mem::swap(b, c));
+        posts.meshes.push(post);
+    }
+    let floor: Vec<(Vec3, Vec3)> = (0..12)
+        .map(|i| {
+            let at = |axis: u64| counter_uniform(12, i, axis) as f32 * 1.6 - 0.8;
+            (Vec3::new(at(0), -1.0, at(1)) * half, Vec3::Y)
+        })
+        .collect();
+    let setup = Setup::new(&floor, &some_probes(7, half), 8.0);
+    let gather = GatherSet::new(2048, 0, 0);
+    for scene in [plain, posts] {
+        setup.with(&scene, &gather, [3, 0], true, |transport, members| {
+            let leaf = transport.leaf(members).expect("in memory");
+            let counted = transport.rows(&leaf, members);
+            let leaf = TransportLeaf { tolerance: Vec::new(), ..leaf };
+            let all = transport.rows(&leaf, members);
+            let exact = transport.rows(&TransportLeaf { tolerance: vec![0.0], ..leaf }, members);
+            assert_eq!(exact.rows, all.rows, "a tolerance of 0 takes all rays");
+            // In radiance 1: sqrt(4 pi) in the first function of each probe.
+            let irradiance = |row: &[f32]| row.chunks_exact(16).take(7).map(|probe| probe[0]).sum::<f32>();
+            let light = |rows: &TransportRows| {
+                let of_rows = rows.rows.chunks_exact(rows.n_columns);
+                of_rows.map(|row| irradiance(row) * (4.0 * PI).sqrt()).collect::<Vec<_>>()
+            };
+            for (found, expected) in light(&counted).into_iter().zip(light(&all)) {
+                assert!((found - expected).abs() < 0.02 * PI, "{found} {expected}");
+            }
+            // Those of the pilots are in both.
+            assert!(counted.rays.gather * 4 < all.rays.gather * 3, "{:?} of {:?}", counted.rays, all.rays);
+        });
+    }
 }
 
 #[test]

@@ -208,7 +208,7 @@ fn irradiance(outputs: &[DVec3], normal: Vec3) -> Vec3 {
 
 /// Weight of a gather ray in a sum that is irradiance, given its cosine with the shading normal.
 pub(super) fn irradiance_weight(gather: &GatherSet, cosine: f32) -> f32 {
-    PI * gather.cosine_share(cosine.max(0.0))
+    PI * gather.all().cosine_share(cosine.max(0.0))
 }
 
 /// Empty `values` (a black sky) count as zeros.

@@ -135,7 +135,7 @@ fn at(
     let mut outputs = vec![0.0; transport.gather.n_outputs()];
     for (dir, share) in transport.linked(subject.place(receiver)) {
         field_basis.evaluate(dir.to_array(), &mut values);
-        transport.gather.weights(dir, &functions, &mut outputs);
+        transport.gather.all().weights(dir, &functions, &mut outputs);
         let weight = f64::from(share * measured_by_the_cosine(&outputs, 1, point.normal)[0]);
         for (error, &value) in error.iter_mut().zip(&values) {
             *error -= weight * f64::from(value);

@@ -3,7 +3,7 @@
 use super::*;
 use crate::transport::{
     GatherSet, Receivers, TransportRows, TransportScene,
-    kernel::{LookUps, Workspace, receiver_rows},
+    kernel::{LookUps, Sampling, Workspace, receiver_rows},
     tests::{Setup, room, some_probes, some_receivers},
 };
 use glam::Vec4;
@@ -104,7 +104,7 @@ fn is_the_long_form(transport: &TransportScene<'_>, members: &[u32]) {
     let leaf = transport.leaf(members).expect("in memory");
     let (fit, leaf_fit) = (transport.fit.expect("fitted"), leaf.fit.as_ref().expect("fitted"));
     for &member in members {
-        receiver_rows(transport, member as usize, LookUps::Few, None, &mut workspace);
+        receiver_rows(transport, member as usize, LookUps::Few, Sampling::default(), &mut workspace);
         let support = transport.support.of(member as usize);
         let a0 = workspace.outputs[0].probes.clone();
         let expected = long_form(fit, leaf_fit, support, &workspace.found, &a0);
@@ -130,7 +130,7 @@ fn what_is_left_of_a_random_field_is_less_and_as_predicted() {
         let n_modes = fit.modes.len() + COMMON;
         let n_sh = fit.n_sh;
         for &member in members {
-            receiver_rows(transport, member as usize, LookUps::Few, None, &mut workspace);
+            receiver_rows(transport, member as usize, LookUps::Few, Sampling::default(), &mut workspace);
             let squared_error = |row: &[f32], found: &Found| -> f64 {
                 let mut error = vec![0.0f64; n_modes];
                 for (hit, weight) in found.hits.iter().zip(&found.hit_weights) {
@@ -335,7 +335,7 @@ fn a_small_lamp_is_found_by_few_gather_rays() {
     let light = |n_rays: u32| -> f32 {
         setup.with(&scene, &GatherSet::new(n_rays, 0, 0), [2, 0], true, |transport, _| {
             let mut workspace = Workspace::default();
-            receiver_rows(transport, 0, LookUps::Few, None, &mut workspace);
+            receiver_rows(transport, 0, LookUps::Few, Sampling::default(), &mut workspace);
             let hits = workspace.found.hits.iter().zip(&workspace.found.hit_weights);
             hits.filter(|(hit, _)| hit.surface.glows).map(|(_, weight)| weight).sum()
         })
