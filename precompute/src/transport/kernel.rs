@@ -197,7 +197,9 @@ pub(super) fn receiver_rows(
                 workspace.sky.push(dir, 1.0, &workspace.weights, scene.sky_basis);
             }
         }
-        Some(openings) => {
+        Some(mut openings) => {
+            workspace.escaped.iter().for_each(|&dir| openings.show(dir, true));
+            workspace.rays.iter().for_each(|ray| openings.show(ray.dir, false));
             let mut hint = OccluderHint::default();
             for GatherRay { origin, dir, .. } in gather.rays_to_sky(sites, caster.offset_m(), [0, 1]) {
                 let look = || workspace.traced.escapes(caster, origin, dir, &mut hint);

@@ -3,7 +3,8 @@
 //! A window that fills a hundredth of the view gets 5 rays of 512, and under a gray sky that is most of the noise. So the sky columns are
 //! sums over a lattice [`SKY_TIMES`](super::gather::SKY_TIMES) times as fine, whose rays need to know no more than whether they escape.
 //! Most of them need not be traced: neighbors that face the same way look in a part of the directions each, and where all that they saw
-//! around a direction was sky, or none of it was, so is the rest. What is left are the borders of what they see the sky through.
+//! around a direction was sky, or none of it was, so is the rest, but where the receiver's own gather rays say otherwise. What is left are
+//! the borders of what they see the sky through.
 
 use super::{TransportScene, traced::Traced};
 use crate::rays::OccluderHint;
@@ -60,10 +61,8 @@ impl Openings {
             });
         }
         let known = |counts: &[[u32; 2]], at: usize| {
-            let (x, y) = ((at % SIDE) as i32, (at / SIDE) as i32);
-            let around = (-1..=1).flat_map(|down| (-1..=1).map(move |right| beside(x + right, y + down)));
             let [met, escaped] =
-                around.fold([0, 0], |sums, cell| [sums[0] + counts[cell][0], sums[1] + counts[cell][1]]);
+                around(at).fold([0, 0], |sums, cell| [sums[0] + counts[cell][0], sums[1] + counts[cell][1]]);
             match (met, escaped) {
                 (LEAST_RAYS.., 0) => Some(false),
                 (0, LEAST_RAYS..) => Some(true),
@@ -85,23 +84,41 @@ impl Openings {
     /// If it is none of the leaf.
     pub fn of_receiver(&self, receiver: u32) -> View<'_> {
         let at = self.groups.binary_search_by_key(&receiver, |of| of.0).expect("receiver is in the leaf");
-        View(&self.is_sky[self.groups[at].1 as usize * CELLS..][..CELLS])
+        let is_sky = &self.is_sky[self.groups[at].1 as usize * CELLS..][..CELLS];
+        View { is_sky, doubted: [false; CELLS] }
     }
 }
 
-/// Openings as one receiver sees them: `[CELLS]`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct View<'a>(&'a [Option<bool>]);
+/// Openings as one receiver sees them.
+#[derive(Clone, Debug)]
+pub(super) struct View<'a> {
+    /// `[CELLS]` what its group saw.
+    is_sky: &'a [Option<bool>],
+    /// Around what it saw otherwise.
+    doubted: [bool; CELLS],
+}
 
 impl View<'_> {
+    /// Takes in that the receiver's own ray in a direction escapes, or does not.
+    pub fn show(&mut self, dir: Vec3, escapes: bool) {
+        let at = cell(dir);
+        if self.is_sky[at].is_some_and(|is_sky| is_sky != escapes) {
+            around(at).for_each(|cell| self.doubted[cell] = true);
+        }
+    }
+
     /// Whether there is sky in a direction; `None` if a ray has to look.
-    pub fn is_sky(self, dir: Vec3) -> Option<bool> {
-        self.0[cell(dir)]
+    pub fn is_sky(&self, dir: Vec3) -> Option<bool> {
+        let at = cell(dir);
+        self.is_sky[at].filter(|_| !self.doubted[at])
     }
 }
 
-/// Groups of a leaf's receivers.
+/// Groups of a leaf's receivers. Points in the open, which stand far apart, have one each.
 fn groups(scene: &TransportScene<'_>, members: &[u32]) -> Vec<Vec<u32>> {
+    if scene.gather.is_sphere() {
+        return members.iter().map(|&member| vec![member]).collect();
+    }
     let mut by_facing = vec![Vec::new(); 6];
     for &member in members {
         let normal = scene.receivers.normal(member as usize).unwrap_or_default();
@@ -119,6 +136,12 @@ fn cell(dir: Vec3) -> usize {
     };
     let within = |place: f32| (((0.5 * place + 0.5) * SIDE as f32) as usize).min(SIDE - 1);
     within(z) * SIDE + within(x)
+}
+
+/// A cell and the eight around it.
+fn around(at: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = ((at % SIDE) as i32, (at / SIDE) as i32);
+    (-1..=1).flat_map(move |down| (-1..=1).map(move |right| beside(x + right, y + down)))
 }
 
 /// The cell of a place up to one cell beyond the square: beyond an edge lies the other half of that edge.
