@@ -210,7 +210,8 @@ impl TransportScene<'_> {
         }
     }
 
-    /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does.
+    /// Directions of a receiver's gather rays whose light it reads from the light map, and the share of each that it does, were all of
+    /// the rays traced.
     pub fn linked(&self, receiver: u32) -> Vec<(Vec3, f32)> {
         let mut workspace = kernel::Workspace::default();
         if self.near.is_some() {
@@ -237,7 +238,11 @@ impl TransportScene<'_> {
         let mut variance = Vec::new();
         let mut links = Vec::new();
         let mut workspace = kernel::Workspace::after(leaf.traced.clone());
-        let sampling = leaf.sampling();
+        let sampling = match self.fit {
+            Some(_) => leaf.sampling(),
+            // Nothing tells when there are enough.
+            None => Sampling { enough: Enough::All, ..leaf.sampling() },
+        };
         for (&member, rows) in members.iter().zip(rows.chunks_exact_mut(n_k * n_columns)) {
             let support = self.support.of(member as usize);
             let mut of_receiver = kernel::receiver_rows(self, member as usize, LookUps::Few, sampling, &mut workspace);

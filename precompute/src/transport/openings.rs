@@ -164,6 +164,23 @@ mod tests {
     use localprt_formats::directions::spherical_fibonacci;
 
     #[test]
+    fn a_receivers_own_rays_overrule_its_group() {
+        let groups = vec![(3, 0), (8, 1)];
+        let is_sky = [vec![Some(false); CELLS], vec![Some(true); CELLS]].concat();
+        let openings = Openings { groups, is_sky };
+        for (receiver, of_group) in [(3, false), (8, true)] {
+            let mut view = openings.of_receiver(receiver);
+            view.show(Vec3::Y, of_group);
+            assert_eq!(view.is_sky(Vec3::Y), Some(of_group), "a ray that agrees changes nothing");
+            view.show(Vec3::X, !of_group);
+            // A cell is 3 to 6 degrees wide.
+            let beside = Vec3::new(1.0, 0.05, 0.05);
+            assert_eq!([Vec3::X, beside, Vec3::Z].map(|dir| view.is_sky(dir)), [None, None, Some(of_group)]);
+        }
+        assert_eq!(openings.of_receiver(3).is_sky(Vec3::X), Some(false), "others are not told");
+    }
+
+    #[test]
     fn cells_beside_a_cell_hold_the_directions_around() {
         let directions: Vec<Vec3> = (0..20_000).map(|i| Vec3::from(spherical_fibonacci(i, 20_000))).collect();
         let mut middle = vec![Vec3::ZERO; CELLS];

@@ -302,7 +302,7 @@ fn fitted_rows_know_a_small_opening_better_than_their_few_rays() {
         let errors: Vec<f32> = rows.rows.chunks_exact(rows.n_columns).zip(&floor).map(error).collect();
         (errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32).sqrt()
     });
-    // All of the borders of an opening has to be looked at, but not what lies between them.
+    // The borders of an opening have to be looked at, but not what lies between them.
     let gather = GatherSet::new(256, 0, 0);
     let rays = setup.with(&scene, &gather, [3, 0], true, |transport, members| {
         transport.rows(&transport.leaf(members).expect("in memory"), members).rays.gather
@@ -342,6 +342,10 @@ fn gather_rays_are_as_many_as_a_receiver_needs() {
         setup.with(&scene, &gather, [3, 0], true, |transport, members| {
             let leaf = transport.leaf(members).expect("in memory");
             let counted = transport.rows(&leaf, members);
+            // Nothing tells the paper's rows when there are enough.
+            let paper = TransportScene { fit: None, ..*transport };
+            let of_paper = paper.leaf(members).expect("in memory");
+            assert_eq!(paper.rows_alone(&leaf, members).rows, paper.rows_alone(&of_paper, members).rows);
             let leaf = TransportLeaf { tolerance: Vec::new(), ..leaf };
             let all = transport.rows(&leaf, members);
             let exact = transport.rows(&TransportLeaf { tolerance: vec![0.0], ..leaf }, members);
@@ -352,12 +356,34 @@ fn gather_rays_are_as_many_as_a_receiver_needs() {
                 let of_rows = rows.rows.chunks_exact(rows.n_columns);
                 of_rows.map(|row| irradiance(row) * (4.0 * PI).sqrt()).collect::<Vec<_>>()
             };
+            // Either keeps constant light to a percent of the usual.
             for (found, expected) in light(&counted).into_iter().zip(light(&all)) {
                 assert!((found - expected).abs() < 0.02 * PI, "{found} {expected}");
             }
             // Those of the pilots are in both.
             assert!(counted.rays.gather * 4 < all.rays.gather * 3, "{:?} of {:?}", counted.rays, all.rays);
         });
+    }
+}
+
+#[test]
+fn receivers_on_two_sides_of_a_floor_do_not_take_each_others_sky() {
+    // A closed room, receivers on its floor, and as many below it that see nothing but sky.
+    let half = Vec3::new(2.0, 1.5, 3.0);
+    let scene = room(half, None);
+    let at = |i: u64, axis: u64| counter_uniform(14, i, axis) as f32 * 1.6 - 0.8;
+    let place = |i: u64, y: f32| Vec3::new(at(i, 0) * half.x, y, at(i, 1) * half.z);
+    let both: Vec<(Vec3, Vec3)> =
+        (0..40).flat_map(|i| [(place(i, -half.y), Vec3::Y), (place(i, -half.y - 0.05), Vec3::NEG_Y)]).collect();
+    let setup = Setup::new(&both, &some_probes(7, half), 8.0);
+    let rows = setup.with(&scene, &GatherSet::new(1024, 0, 0), [3, 2], true, |transport, members| {
+        transport.rows(&transport.leaf(members).expect("in memory"), members)
+    });
+    for (index, row) in rows.rows.chunks_exact(rows.n_columns).enumerate() {
+        let sky = row[7 * 16] * (4.0 * PI).sqrt();
+        // 4096 equal f32 weights.
+        let expected = if index % 2 == 0 { 0.0 } else { PI };
+        assert!((sky - expected).abs() < 1e-3, "receiver {index}: {sky}, not {expected}");
     }
 }
 

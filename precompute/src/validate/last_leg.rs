@@ -53,7 +53,7 @@ pub fn truth_leg(
 ) -> Result<Vec<TruthLeg>, BakeError> {
     let subject = lit.subject;
     let cosine = GatherSet::new(DENSE_RAYS, 0, subject.settings.seed);
-    let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed);
+    let of_bake = GatherSet::new(DENSE_RAYS, subject.settings.receiver_degree, subject.settings.seed).in_one_level();
     subject.each("parts of the error", receivers, progress, |index, leaf| {
         let receiver = receivers[index];
         let probes = lit.probes(receiver);

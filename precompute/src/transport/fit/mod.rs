@@ -32,6 +32,7 @@
 //! best estimate of what they leave out is zero, which is the paper's row already. See `docs/fitted-transport.md`.
 
 mod field;
+mod mode_sums;
 mod openness;
 mod patches;
 mod solve;
@@ -175,38 +176,6 @@ struct ProbeModes {
     gram: Vec<f32>,
     /// Sum of the variances of its coefficients, but for what surfaces emit.
     variance: f32,
-}
-
-/// Sums over rays of the light that a fit expects, each mode at one standard deviation.
-pub(super) struct ModeSums<'a> {
-    fit: &'a LeafFit,
-    /// `[n_k][n_modes + COMMON]`.
-    sums: Vec<f32>,
-}
-
-impl ModeSums<'_> {
-    /// Adds what a surface point sends, by the weights `[n_k]` of its ray.
-    pub(super) fn add(&mut self, position: Vec3, normal: Vec3, surface: Surface, weights: &[f32]) {
-        let n_modes = self.fit.modes.len();
-        let common = common(surface.scale, self.fit.usual_scale);
-        let patch = self.fit.patches.find(position, normal, surface.glows);
-        let modes = patch.map_or(&[][..], |patch| self.fit.modes.of_patch(patch as usize));
-        for (sums, weight) in self.sums.chunks_exact_mut(n_modes + COMMON).zip(weights) {
-            let (of_modes, of_common) = sums.split_at_mut(n_modes);
-            let scaled = weight * surface.scale;
-            of_modes.iter_mut().zip(modes).for_each(|(sum, mode)| *sum += scaled * mode);
-            of_common.iter_mut().zip(common).for_each(|(sum, common)| *sum += weight * common);
-        }
-    }
-
-    /// `[n_k]` variance of the sums, of a field of variance 1: what is common to all surfaces counts no more than the rest.
-    pub(super) fn variances(&self) -> impl Iterator<Item = f32> {
-        let n_modes = self.fit.modes.len();
-        self.sums.chunks_exact(n_modes + COMMON).map(move |sums| {
-            let (modes, common) = sums.split_at(n_modes);
-            dot(modes, modes) + common[0].powi(2) / CONSTANT
-        })
-    }
 }
 
 /// What became of the rows of one receiver.
@@ -464,11 +433,6 @@ impl LeafFit {
         Some(Metric { n, matrix })
     }
 
-    /// Sums over rays for so many outputs, of none yet.
-    pub(super) fn mode_sums(&self, n_k: usize) -> ModeSums<'_> {
-        ModeSums { fit: self, sums: vec![0.0; n_k * (self.modes.len() + COMMON)] }
-    }
-
     /// Adds the correction (F3) to the rows of one receiver, whose rays found `found`, for its supporting probes.
     pub(super) fn correct(&self, support: &[u32], found: &Found, outputs: &mut [OutputSums]) -> Correction {
         let n_sh = self.n_sh;
@@ -497,7 +461,7 @@ impl LeafFit {
         for (hit, of_outputs) in found.hits.iter().zip(found.hit_weights.chunks_exact(n_k)) {
             sums.add(hit.position, hit.normal, hit.surface, of_outputs);
         }
-        let mut y = sums.sums;
+        let mut y = sums.into_values();
         let extrapolated = found.seen_share.powi(EXTRAPOLATION);
         for (y, unseen) in y.chunks_exact_mut(n_modes).zip(&found.unseen_common) {
             y[n_modes - COMMON..].iter_mut().zip(unseen).for_each(|(y, unseen)| *y += extrapolated * unseen);
